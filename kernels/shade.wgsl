@@ -1,0 +1,84 @@
+//!include lib/camera.wgsl
+//!include lib/terrain.wgsl
+// Distances to a picture: hypsometric tint, sun on the normal of the full-resolution terrain, sky.
+
+struct Params {
+    camera: Camera,
+    terrain: Terrain,
+    /// Unit vector to the sun.
+    sun: vec3<f32>,
+    ambient: f32,
+    /// Lowest height above the eye and height range of the terrain, metres.
+    low_m: f32,
+    range_m: f32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> height: array<f32>;
+@group(0) @binding(2) var<storage, read> distance: array<f32>;
+@group(0) @binding(3) var<storage, read_write> colour: array<u32>;
+
+override TINT: bool = true;
+override SUN: bool = true;
+
+/// Lowland green, yellow, brown, rock, snow.
+fn tint(share: f32) -> vec3<f32> {
+    let stops = array(
+        vec3(0.27, 0.47, 0.30), vec3(0.58, 0.65, 0.36), vec3(0.70, 0.57, 0.37), vec3(0.55, 0.48, 0.43), vec3(0.97, 0.97, 0.98),
+    );
+    let at = clamp(share, 0.0, 1.0) * 4.0;
+    let low = min(u32(at), 3u);
+    return mix(stops[low], stops[low + 1u], at - f32(low));
+}
+
+fn height_of(at: vec2<i32>) -> f32 {
+    let inside = clamp(at, vec2(0), vec2<i32>(params.terrain.size) - 1);
+    return height[u32(inside.y) * params.terrain.size.x + u32(inside.x)];
+}
+
+/// Central differences at a sample, metres a cell.
+fn gradient(at: vec2<i32>) -> vec2<f32> {
+    let dx = height_of(at + vec2(1, 0)) - height_of(at - vec2(1, 0));
+    let dy = height_of(at + vec2(0, 1)) - height_of(at - vec2(0, 1));
+    return 0.5 * vec2(dx, dy);
+}
+
+/// Unit normal in the world, from gradients blended bilinearly between the four samples around.
+fn normal(position_m: vec2<f32>) -> vec3<f32> {
+    let place = cells_from_world(params.terrain, position_m) + params.terrain.eye_fraction;
+    let whole = vec2<i32>(floor(place));
+    let w = place - vec2<f32>(whole);
+    let at = whole + params.terrain.eye_cell;
+    let north = mix(gradient(at), gradient(at + vec2(1, 0)), w.x);
+    let south = mix(gradient(at + vec2(0, 1)), gradient(at + vec2(1, 1)), w.x);
+    let slope = mix(north, south, w.y) / params.terrain.cell_m;
+    // rows run south, y runs north
+    return normalize(vec3(-slope.x, slope.y, 1.0));
+}
+
+fn sky(ray: vec3<f32>) -> vec3<f32> {
+    return mix(vec3(0.80, 0.87, 0.93), vec3(0.33, 0.55, 0.83), clamp(ray.z * 2.0, 0.0, 1.0));
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.camera.viewport) {
+        return;
+    }
+    let index = id.y * params.camera.viewport.x + id.x;
+    let ray = normalize(view_ray_of_pixel(params.camera, id.xy));
+    let along = distance[index];
+    var shade = sky(ray);
+    if along >= 0.0 {
+        let position_m = ray * along;
+        shade = vec3(0.75);
+        if TINT {
+            shade = tint((position_m.z - params.low_m) / params.range_m);
+        }
+        if SUN {
+            let light = max(dot(normal(position_m.xy), params.sun), 0.0);
+            shade *= params.ambient + (1.0 - params.ambient) * light;
+        }
+    }
+    colour[index] = pack4x8unorm(vec4(shade, 1.0));
+}

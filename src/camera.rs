@@ -1,0 +1,117 @@
+//! Cameras: f64 on the CPU, camera-relative f32 on the GPU.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use crate::experiment::scene::{self, Scene};
+use crate::terrain::HeightField;
+
+/// One frame's camera. Pixel (0, 0) is top left, pixel centres are at +0.5.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// World metres.
+    pub eye_m: DVec3,
+    /// Columns: right, up, forward, orthonormal, in world coordinates.
+    pub world_from_view: DMat3,
+    /// Tangents of half the horizontal and half the vertical field of view.
+    pub half_tan: DVec2,
+    pub viewport: (u32, u32),
+}
+
+impl Camera {
+    pub fn looking_at(eye_m: DVec3, target_m: DVec3, scene: &Scene) -> Self {
+        let forward = (target_m - eye_m).normalize_or(DVec3::Y);
+        Self::new(eye_m, forward, 0.0, scene)
+    }
+
+    fn new(eye_m: DVec3, forward: DVec3, roll_rad: f64, scene: &Scene) -> Self {
+        // straight up or down, "right" is east: any choice will do, but it must be one
+        let right = forward.cross(DVec3::Z).try_normalize().unwrap_or(DVec3::X);
+        let up = right.cross(forward);
+        let (sin, cos) = roll_rad.sin_cos();
+        let world_from_view = DMat3::from_cols(right * cos - up * sin, up * cos + right * sin, forward);
+        let vertical = (scene.fov_deg.to_radians() / 2.0).tan();
+        let (width, height) = scene.viewport;
+        let half_tan = DVec2::new(vertical * f64::from(width) / f64::from(height), vertical);
+        Self { eye_m, world_from_view, half_tan, viewport: scene.viewport }
+    }
+
+    pub fn forward(&self) -> DVec3 {
+        self.world_from_view.z_axis
+    }
+
+    /// Unit direction in the world of the ray through a point of the image, in pixels.
+    pub fn ray(&self, pixel: DVec2) -> DVec3 {
+        self.view_ray(pixel).normalize()
+    }
+
+    /// Like [`Camera::ray`], with length 1 along the view direction instead.
+    fn view_ray(&self, pixel: DVec2) -> DVec3 {
+        let size = DVec2::new(f64::from(self.viewport.0), f64::from(self.viewport.1));
+        let ndc = DVec2::new(pixel.x / size.x * 2.0 - 1.0, 1.0 - pixel.y / size.y * 2.0);
+        self.world_from_view * (ndc * self.half_tan).extend(1.0)
+    }
+
+    /// Image position in pixels of a world point, or `None` behind the eye.
+    pub fn pixel(&self, point_m: DVec3) -> Option<DVec2> {
+        let view = self.world_from_view.transpose() * (point_m - self.eye_m);
+        let ndc = DVec2::new(view.x, view.y) / view.z / self.half_tan;
+        let size = DVec2::new(f64::from(self.viewport.0), f64::from(self.viewport.1));
+        (view.z > 0.0).then(|| DVec2::new(ndc.x + 1.0, 1.0 - ndc.y) / 2.0 * size)
+    }
+
+    /// `right`, `down` and `corner` such that `corner + x * right + y * down` is the view ray of pixel (x, y).
+    pub fn pixel_basis(&self) -> [DVec3; 3] {
+        let corner = self.view_ray(DVec2::ZERO);
+        [self.view_ray(DVec2::X) - corner, self.view_ray(DVec2::Y) - corner, corner]
+    }
+}
+
+/// The cameras of all frames, the same ones every time.
+pub fn path(scene: &Scene, terrain: &HeightField) -> Vec<Camera> {
+    let frames = scene.camera.frames();
+    (0..frames)
+        .map(|frame| match &scene.camera {
+            scene::Camera::Still(still) => still_camera(still, scene, terrain),
+            scene::Camera::Orbit(orbit) => {
+                let share = f64::from(frame) / f64::from(frames);
+                let angle = (orbit.start_deg + 360.0 * orbit.turns * share).to_radians();
+                let center = DVec3::from(orbit.center);
+                let offset = DVec3::new(angle.sin() * orbit.radius_m, angle.cos() * orbit.radius_m, orbit.height_m);
+                Camera::looking_at(lifted(center + offset, orbit.clearance_m, scene, terrain), center, scene)
+            }
+            scene::Camera::Flight(flight) => {
+                let share = if frames == 1 { 0.0 } else { f64::from(frame) / f64::from(frames - 1) };
+                let at = share * flight.keys.len().saturating_sub(1) as f64;
+                let eye = spline(&flight.keys, at, |key| key.eye.into());
+                let target = spline(&flight.keys, at, |key| key.look_at.into());
+                Camera::looking_at(lifted(eye, flight.clearance_m, scene, terrain), target, scene)
+            }
+        })
+        .collect()
+}
+
+fn still_camera(still: &scene::Still, scene: &Scene, terrain: &HeightField) -> Camera {
+    let eye = lifted(still.eye.into(), still.clearance_m, scene, terrain);
+    let (yaw, pitch) = (still.yaw_deg.to_radians(), still.pitch_deg.to_radians());
+    let forward = match still.look_at {
+        Some(target) => (DVec3::from(target) - eye).normalize_or(DVec3::Y),
+        None => DVec3::new(yaw.sin() * pitch.cos(), yaw.cos() * pitch.cos(), pitch.sin()),
+    };
+    Camera::new(eye, forward, still.roll_deg.to_radians(), scene)
+}
+
+fn lifted(eye_m: DVec3, clearance_m: Option<f64>, scene: &Scene, terrain: &HeightField) -> DVec3 {
+    let Some(clearance_m) = clearance_m else { return eye_m };
+    let ground_m = terrain.surface_m(eye_m.truncate(), scene.surface);
+    DVec3::new(eye_m.x, eye_m.y, eye_m.z.max(ground_m + clearance_m))
+}
+
+/// Catmull-Rom through the keys at `at`, counted in keys; the ends are doubled.
+fn spline(keys: &[scene::Key], at: f64, point: impl Fn(&scene::Key) -> DVec3) -> DVec3 {
+    let Some(last) = keys.len().checked_sub(1) else { return DVec3::ZERO };
+    let from = (at.floor() as usize).min(last.saturating_sub(1));
+    let t = at - from as f64;
+    let key = |offset: isize| point(&keys[from.saturating_add_signed(offset).min(last)]);
+    let (a, b, c, d) = (key(-1), key(0), key(1), key(2));
+    0.5 * (2.0 * b + (c - a) * t + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t + (3.0 * (b - c) + d - a) * t * t * t)
+}

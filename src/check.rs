@@ -1,0 +1,189 @@
+//! Numerical check: every stage of the registry against its f64 reference, on ordinary and extreme input.
+//!
+//! Each case is a small scene and a chain. The chain runs on the GPU with every buffer kept; then each stage's
+//! reference is fed once with what the GPU fed its kernel (*local*: is this kernel right?) and once with the
+//! reference chain (*accumulated*: how much has the chain lost by then?).
+
+use std::fmt;
+use std::sync::Arc;
+
+use crate::experiment::diagnostic::{Diagnostic, Source};
+use crate::experiment::Experiment;
+use crate::gpu::{Executor, Gpu};
+use crate::kernel::Elem;
+use crate::plan::{Buffer, Chain, Demand, Plan, Storage};
+use crate::reference::{self, Buffers, Difference, Frame, Values};
+use crate::run::{self, Prepared};
+
+/// One buffer of one stage in one case.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    pub case: String,
+    pub stage: String,
+    pub buffer: String,
+    pub local: Difference,
+    pub accumulated: Difference,
+}
+
+/// Share of values that may hang on a decision; with more, the case would say nothing.
+const MOST_UNDECIDED: f64 = 0.25;
+
+impl Outcome {
+    pub fn passed(&self) -> bool {
+        let total = (self.local.compared + self.local.undecided).max(1) as f64;
+        self.local.beyond == 0 && self.accumulated.beyond == 0 && self.local.undecided as f64 / total <= MOST_UNDECIDED
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let verdict = if self.passed() { "ok  " } else { "FAIL" };
+        write!(
+            f,
+            "{verdict} {:<28} {:<14} {:<12} {:>7} values, {:>5} undecided; local {:.2e} ({:.2} of bound, {} beyond), accumulated {:.2e} ({} beyond)",
+            self.case,
+            self.stage,
+            self.buffer,
+            self.local.compared,
+            self.local.undecided,
+            self.local.largest,
+            self.local.largest_of_bound,
+            self.local.beyond,
+            self.accumulated.largest,
+            self.accumulated.beyond,
+        )
+    }
+}
+
+/// Runs all cases on one adapter.
+pub fn run(gpu: &Gpu) -> Result<Vec<Outcome>, Diagnostic> {
+    let mut outcomes = Vec::new();
+    for (name, text) in cases() {
+        let experiment = Experiment::read(Source::new(name.clone(), text), Default::default())?;
+        for prepared in run::prepare(&experiment, &[])? {
+            let case = format!("{name} {}", prepared.cell.chain);
+            outcomes.extend(check_chain(gpu, &prepared, &case)?);
+        }
+    }
+    Ok(outcomes)
+}
+
+/// Terrains from 2 x 2 samples to large, kind and unkind; cameras above, below, beside, far and near.
+fn cases() -> Vec<(String, String)> {
+    let terrains = [
+        ("smallest", "Shape(kind: Ramp, size: (2, 2), cell_m: 500.0, height_m: (0, 100))"),
+        ("strip", "Shape(kind: Sine, size: (2, 65), cell_m: 30.0, height_m: (0, 50), period_cells: 9)"),
+        ("odd", "Noise(kind: Fbm, seed: 1, size: (37, 53), cell_m: 30.0, height_m: (0, 400), wavelength_m: 700)"),
+        ("anisotropic", "Noise(kind: Ridged, seed: 2, size: (130, 97), cell_m: (20.0, 31.5), height_m: (200, 900), wavelength_m: 1500)"),
+        ("large", "Noise(kind: Billow, seed: 3, size: (1025, 515), cell_m: 10.0, height_m: (-300, 700), wavelength_m: 3000)"),
+        ("flat", "Shape(kind: Flat, size: (65, 65), height_m: (120, 120))"),
+        ("spike", "Shape(kind: Spike, size: (65, 65), cell_m: 30.0, height_m: (0, 8000))"),
+        ("cliff", "Shape(kind: Cliff, size: (64, 64), cell_m: 1.0, height_m: (0, 3000))"),
+        ("checkerboard", "Shape(kind: Checkerboard, size: (100, 100), cell_m: 30.0, height_m: (0, 300), period_cells: 8)"),
+        ("high", "Shape(kind: Sine, size: (129, 129), cell_m: 0.5, height_m: (8000, 8001), period_cells: 30)"),
+    ];
+    let scene = |terrain: &str, surface: &str, camera: &str| {
+        format!(
+            "Experiment(scene: (terrain: {terrain}, surface: {surface}, camera: {camera}, viewport: (67, 45)), chains: {{ \
+             \"cast\": [HeightPyramid, RayCast, Shade], \
+             \"grid\": [HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade], \
+             \"finer\": [HeightPyramid(max_level: 2), ViewGrid(size: (2, 5)), Project(filter: Bilinear, max_level: 2), Rasterize] }})"
+        )
+    };
+    let mut cases = Vec::new();
+    for (name, terrain) in terrains {
+        let orbit = "Orbit(frames: 3, center: (600, 600, 0), radius_m: 900, height_m: 700, clearance_m: 20)";
+        for surface in ["Triangles", "Bilinear"] {
+            cases.push((format!("{name} {surface}"), scene(terrain, surface, orbit)));
+        }
+    }
+    let rough = terrains[3].1;
+    let views = [
+        ("ground", "Still(eye: (1300, 1500, 0), yaw_deg: 30, pitch_deg: 1, clearance_m: 2)"),
+        ("down", "Still(eye: (1300, 1500, 3000), pitch_deg: -90)"),
+        ("rolled", "Still(eye: (900, 900, 1200), yaw_deg: 200, pitch_deg: -20, roll_deg: 35)"),
+        ("far", "Still(eye: (-40000, -30000, 9000), look_at: (1300, 1500, 500))"),
+        ("under", "Still(eye: (1300, 1500, -500), yaw_deg: 10, pitch_deg: 30)"),
+        ("sky", "Still(eye: (1300, 1500, 2000), pitch_deg: 60)"),
+    ];
+    for (name, camera) in views {
+        cases.push((format!("view {name}"), scene(rough, "Triangles", camera)));
+        cases.push((format!("view {name} Bilinear"), scene(rough, "Bilinear", camera)));
+    }
+    cases
+}
+
+fn check_chain(gpu: &Gpu, prepared: &Prepared, case: &str) -> Result<Vec<Outcome>, Diagnostic> {
+    let plan = plan_everything(prepared)?;
+    let executor = Executor::new(gpu, &plan, &prepared.data)?;
+    executor.setup()?;
+    let mut outcomes: Vec<Outcome> = Vec::new();
+    for (number, camera) in prepared.data.cameras.iter().enumerate() {
+        executor.frame(number)?;
+        let frame = Frame { data: &prepared.data, camera };
+        let mut on_gpu: Vec<(String, Arc<Values>)> = Vec::new();
+        for &id in &plan.outputs {
+            let buffer = plan.buffer(id);
+            on_gpu.push((buffer.name.clone(), Arc::new(read(&executor.read(id)?, buffer))));
+        }
+        let accumulated = reference::walk(&prepared.stages, &frame);
+        let mut local = Buffers::of_scene(&prepared.data);
+        for (stage, call) in prepared.stages.iter().zip(&prepared.cell.stages) {
+            stage.reference(&frame, &mut local);
+            for (name, values) in &on_gpu {
+                if !crate::stages::writes(&call.name).contains(&name.as_str()) || !local.contains(name) {
+                    continue;
+                }
+                let outcome = Outcome {
+                    case: case.into(),
+                    stage: call.name.clone(),
+                    buffer: name.clone(),
+                    local: reference::compare(&values.value, &local.get(name), f64::is_nan),
+                    accumulated: reference::compare(&values.value, &accumulated.get(name), f64::is_nan),
+                };
+                // the next stage's reference gets what the GPU's kernel got
+                local.put(name, values.as_ref().clone());
+                merge(&mut outcomes, outcome);
+            }
+        }
+    }
+    Ok(outcomes)
+}
+
+/// Frames of a case are one line: the worst of them.
+fn merge(outcomes: &mut Vec<Outcome>, outcome: Outcome) {
+    let same = outcomes.iter_mut().find(|known| known.stage == outcome.stage && known.buffer == outcome.buffer);
+    let Some(known) = same else { return outcomes.push(outcome) };
+    for (known, new) in [(&mut known.local, outcome.local), (&mut known.accumulated, outcome.accumulated)] {
+        known.compared += new.compared;
+        known.undecided += new.undecided;
+        known.beyond += new.beyond;
+        known.largest = known.largest.max(new.largest);
+        known.largest_of_bound = known.largest_of_bound.max(new.largest_of_bound);
+    }
+}
+
+fn plan_everything(prepared: &Prepared) -> Result<Plan, Diagnostic> {
+    let mut chain = Chain::new(&prepared.cell.chain, &prepared.data, &prepared.cell.scene_origin);
+    for (index, (stage, call)) in prepared.stages.iter().zip(&prepared.cell.stages).enumerate() {
+        chain.begin_stage(&call.name, index, &call.node.origin);
+        stage.plan(&mut chain)?;
+    }
+    let outputs = chain.made();
+    Plan::finish(chain, &Demand { outputs, keep_everything: true })
+}
+
+/// A GPU buffer in f64; bytes of a picture apart, NaN where there is no surface.
+fn read(bytes: &[u8], buffer: &Buffer) -> Values {
+    let is_picture = buffer.unit == crate::stages::RGBA8;
+    let value: Vec<f64> = match buffer.elem {
+        _ if is_picture => bytes.iter().map(|&byte| byte.into()).collect(),
+        _ if buffer.elem.is_float() => bytemuck::pod_collect_to_vec::<u8, f32>(bytes).into_iter().map(f64::from).collect(),
+        Elem::I32 => bytemuck::pod_collect_to_vec::<u8, i32>(bytes).into_iter().map(f64::from).collect(),
+        _ => bytemuck::pod_collect_to_vec::<u8, u32>(bytes).into_iter().map(f64::from).collect(),
+    };
+    let nothing = |value: f64| if buffer.missing.is_some() && value < 0.0 { f64::NAN } else { value };
+    let components = if is_picture { 4 } else { buffer.elem.components() };
+    debug_assert!(buffer.storage != Storage::Input);
+    Values::exact(&buffer.dims, components, value.into_iter().map(nothing).collect())
+}

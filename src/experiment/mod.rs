@@ -1,0 +1,333 @@
+//! One RON file: what is looked at, which chains of stages draw it, what is varied and what is measured.
+
+pub mod diagnostic;
+pub mod scene;
+pub mod sweep;
+pub mod tree;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use diagnostic::{Diagnostic, Origin, Source};
+use scene::Scene;
+use sweep::{Axis, Setting};
+use tree::{Field, Kind, Node};
+
+/// An experiment file, read as far as it can be read without knowing its stages.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    pub source: Arc<Source>,
+    /// Paths in the file are relative to this folder.
+    pub folder: PathBuf,
+    pub title: String,
+    root: Node,
+    chain_names: Vec<String>,
+    axes: Vec<Axis>,
+}
+
+/// One point of the sweep for one chain: everything that decides what is computed.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    pub chain: String,
+    /// The swept values, for the table and the records: path and value as written.
+    pub settings: Vec<(String, String)>,
+    pub scene: Scene,
+    pub scene_origin: Origin,
+    pub stages: Vec<StageCall>,
+    pub measures: Vec<Measure>,
+}
+
+/// A stage as it stands in a chain, not yet looked up in the registry.
+#[derive(Clone, Debug)]
+pub struct StageCall {
+    pub name: String,
+    pub node: Node,
+}
+
+/// What is reported of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub enum Measure {
+    /// Pixel distance between the drawn surface and the true surface at the same ground position.
+    ScreenError {
+        /// Pixels above it are counted. Default: 1.
+        #[serde(default = "default_threshold_px")]
+        threshold_px: f64,
+    },
+    /// PSNR and SSIM of the shaded picture against the shaded ground truth.
+    Image {},
+    /// Triangles, cracks, folded cells, largest cell.
+    Mesh {},
+    /// Share of pixels on which something was drawn.
+    Coverage {},
+    /// GPU time a kernel and a frame.
+    Time {
+        /// Frames run before the first one that counts. Default: 2.
+        #[serde(default = "default_warmup")]
+        warmup: u32,
+        /// How often the whole camera path is timed. Default: 1.
+        #[serde(default = "default_repeats")]
+        repeats: u32,
+    },
+}
+
+fn default_threshold_px() -> f64 {
+    1.0
+}
+fn default_warmup() -> u32 {
+    2
+}
+fn default_repeats() -> u32 {
+    1
+}
+
+impl Measure {
+    pub const NAMES: [&str; 5] = ["ScreenError", "Image", "Mesh", "Coverage", "Time"];
+}
+
+const FIELDS: [&str; 5] = ["title", "scene", "chains", "sweep", "measure"];
+
+impl Experiment {
+    pub fn load(path: &Path) -> Result<Self, Diagnostic> {
+        let shown = path.display();
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            Diagnostic::input(format!("cannot read the experiment `{shown}`: {error}"))
+        })?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Self::read(Source::new(shown.to_string(), text), folder)
+    }
+
+    pub fn read(source: Arc<Source>, folder: PathBuf) -> Result<Self, Diagnostic> {
+        let root = Node::read(&source)?;
+        let fields = match &root.kind {
+            Kind::Struct { fields, .. } if root.name().is_none_or(|name| name == "Experiment") => fields,
+            _ => {
+                return Err(Diagnostic::input("an experiment file holds one `Experiment(...)`")
+                    .at(&Origin { range: 0..source.text.len().min(1), source }, "not an experiment"));
+            }
+        };
+        for Field { name, origin, .. } in fields {
+            if !FIELDS.contains(&name.as_str()) {
+                return Err(Diagnostic::input(format!("an experiment has no field `{name}`"))
+                    .at(origin, "unknown field")
+                    .suggest(name, FIELDS));
+            }
+        }
+        required(&root, "scene", &source)?;
+        let chain_names = chain_names(required(&root, "chains", &source)?)?;
+        let axes = root.field("sweep").map_or(Ok(Vec::new()), sweep::read_axes)?;
+        let title = root.field("title").map_or(Ok(String::new()), Node::parse)?;
+        Ok(Self { title, folder, chain_names, axes, root, source })
+    }
+
+    /// All cells, chain by chain in the order of the file. `settings` are the `--set` arguments; they win
+    /// over the file, and take the place of an axis over the same path.
+    pub fn cells(&self, settings: &[Setting]) -> Result<Vec<Cell>, Diagnostic> {
+        let fixed = |axis: &Axis| settings.iter().any(|setting| axis.paths.contains(&setting.path));
+        let axes: Vec<Axis> = self.axes.iter().filter(|axis| !fixed(axis)).cloned().collect();
+        self.check_paths(axes.iter().flat_map(|axis| axis.paths.iter().map(|path| (path, &axis.key))))?;
+        self.check_paths(settings.iter().map(|setting| (&setting.path, &setting.key)))?;
+        let mut cells = Vec::new();
+        for chain in &self.chain_names {
+            for swept in sweep::product(&axes, |path| self.resolve(chain, path).is_some())? {
+                cells.push(self.cell(chain, &swept, settings)?);
+            }
+        }
+        Ok(cells)
+    }
+
+    fn check_paths<'a>(&self, paths: impl Iterator<Item = (&'a String, &'a Origin)>) -> Result<(), Diagnostic> {
+        for (path, key) in paths {
+            if !self.chain_names.iter().any(|chain| self.resolve(chain, path).is_some()) {
+                return Err(self.no_match(path, key));
+            }
+        }
+        Ok(())
+    }
+
+    fn no_match(&self, path: &str, key: &Origin) -> Diagnostic {
+        let first = path.split('.').next().unwrap_or_default();
+        let known = self.chain_names.iter().map(String::as_str).chain(["*", "scene", "measure"]);
+        let message = Diagnostic::input(format!("`{path}` matches nothing in this experiment"))
+            .at(key, "expected chain.Stage.field, scene.field or measure.Name.field");
+        if known.clone().any(|name| name == first) {
+            let stages = self.chain_names.iter().flat_map(|chain| self.stage_nodes(chain)).filter_map(Node::name);
+            let mut stages: Vec<&str> = stages.collect();
+            stages.sort_unstable();
+            stages.dedup();
+            message.suggest(path.split('.').nth(1).unwrap_or_default(), stages)
+        } else {
+            message.suggest(first, known)
+        }
+    }
+
+    /// The path from the root of the tree for a path as the user writes it, for one chain.
+    fn resolve(&self, chain: &str, path: &str) -> Option<Vec<String>> {
+        let parts: Vec<&str> = path.split('.').collect();
+        let own = |parts: &[&str]| parts.iter().map(|part| part.to_string()).collect::<Vec<_>>();
+        match parts.as_slice() {
+            ["scene", _, ..] => Some(own(&parts)),
+            ["measure", name, _, ..] => {
+                let at = self.root.field("measure").and_then(|node| position(node, name))?;
+                Some([own(&["measure", &at.to_string()]), own(&parts[2..])].concat())
+            }
+            [named, stage, _, ..] if *named == chain || *named == "*" => {
+                let (stage, nth) = match stage.split_once('#') {
+                    Some((stage, nth)) => (stage, nth.parse::<usize>().ok()?.checked_sub(1)?),
+                    None => (*stage, 0),
+                };
+                let stages = self.stage_nodes(chain);
+                let (at, _) = stages.iter().enumerate().filter(|(_, node)| node.name() == Some(stage)).nth(nth)?;
+                Some([own(&["chains", chain, &at.to_string()]), own(&parts[2..])].concat())
+            }
+            _ => None,
+        }
+    }
+
+    fn stage_nodes(&self, chain: &str) -> &[Node] {
+        chain_node(&self.root, chain).unwrap_or_default()
+    }
+
+    fn cell(&self, chain: &str, swept: &[Setting], settings: &[Setting]) -> Result<Cell, Diagnostic> {
+        let mut root = self.root.clone();
+        for setting in swept.iter().chain(settings) {
+            if let Some(path) = self.resolve(chain, &setting.path) {
+                let path: Vec<&str> = path.iter().map(String::as_str).collect();
+                root.set(&path, &setting.key, &setting.value)?;
+            }
+        }
+        let scene_node = required(&root, "scene", &self.source)?;
+        let scene: Scene = scene_node.parse()?;
+        check_scene(&scene, scene_node)?;
+        let stages = chain_node(&root, chain).unwrap_or_default();
+        let stages = stages.iter().map(read_stage).collect::<Result<_, _>>()?;
+        let measures = match root.field("measure") {
+            Some(node) => read_measures(node)?,
+            None => vec![
+                Measure::ScreenError { threshold_px: default_threshold_px() },
+                Measure::Time { warmup: default_warmup(), repeats: default_repeats() },
+            ],
+        };
+        let swept = swept.iter().map(|setting| (setting.path.clone(), setting.value.canonical())).collect();
+        let scene_origin = scene_node.origin.clone();
+        Ok(Cell { chain: chain.to_string(), settings: swept, scene, scene_origin, stages, measures })
+    }
+}
+
+impl Cell {
+    /// The threshold that shares of pixels and pictures are reported for.
+    pub fn threshold_px(&self) -> f64 {
+        let threshold = self.measures.iter().find_map(|measure| match measure {
+            Measure::ScreenError { threshold_px } => Some(*threshold_px),
+            _ => None,
+        });
+        threshold.unwrap_or(default_threshold_px())
+    }
+
+    pub fn wants(&self, name: &str) -> bool {
+        self.measures.iter().any(|measure| format!("{measure:?}").starts_with(name))
+    }
+}
+
+fn required<'a>(root: &'a Node, name: &str, source: &Arc<Source>) -> Result<&'a Node, Diagnostic> {
+    root.field(name).ok_or_else(|| {
+        let start = Origin { source: source.clone(), range: root.origin.range.start..root.origin.range.start + 1 };
+        Diagnostic::input(format!("this experiment has no `{name}`")).at(&start, "in this experiment")
+    })
+}
+
+fn chain_names(node: &Node) -> Result<Vec<String>, Diagnostic> {
+    let Kind::Map(entries) = &node.kind else {
+        return Err(Diagnostic::input("`chains` is a map from names to lists of stages")
+            .at(&node.origin, "expected `{ \"name\": [Stage(...), ...] }`"));
+    };
+    let mut names: Vec<String> = Vec::new();
+    for (key, stages) in entries {
+        let name: String = key.parse()?;
+        if names.contains(&name) {
+            return Err(Diagnostic::input(format!("there are two chains called `{name}`")).at(&key.origin, "again"));
+        }
+        if name.is_empty() || name == "*" || name == "scene" || name == "measure" || name.contains(['.', ',', '/']) {
+            return Err(Diagnostic::input(format!("`{name}` cannot be the name of a chain"))
+                .at(&key.origin, "reserved, or with a character that paths use"));
+        }
+        if !matches!(&stages.kind, Kind::List(items) if !items.is_empty()) {
+            return Err(Diagnostic::input(format!("the chain `{name}` is not a list of stages"))
+                .at(&stages.origin, "expected `[Stage(...), ...]`"));
+        }
+        names.push(name);
+    }
+    if names.is_empty() {
+        return Err(Diagnostic::input("there is no chain, so nothing would run").at(&node.origin, "empty"));
+    }
+    Ok(names)
+}
+
+fn chain_node<'a>(root: &'a Node, chain: &str) -> Option<&'a [Node]> {
+    let Kind::Map(entries) = &root.field("chains")?.kind else { return None };
+    let (_, stages) = entries.iter().find(|(key, _)| key.origin.text().trim_matches('"') == chain)?;
+    match &stages.kind {
+        Kind::List(items) => Some(items),
+        _ => None,
+    }
+}
+
+fn read_stage(node: &Node) -> Result<StageCall, Diagnostic> {
+    match node.name() {
+        Some(name) => Ok(StageCall { name: name.to_string(), node: node.clone() }),
+        None => Err(Diagnostic::input("this is not a stage").at(&node.origin, "expected `Stage(...)`")),
+    }
+}
+
+fn position(list: &Node, name: &str) -> Option<usize> {
+    match &list.kind {
+        Kind::List(items) => items.iter().position(|item| item.name() == Some(name)),
+        _ => None,
+    }
+}
+
+fn read_measures(node: &Node) -> Result<Vec<Measure>, Diagnostic> {
+    let Kind::List(items) = &node.kind else {
+        return Err(Diagnostic::input("`measure` is a list of measures").at(&node.origin, "expected `[ScreenError, ...]`"));
+    };
+    items.iter().map(read_measure).collect()
+}
+
+fn read_measure(node: &Node) -> Result<Measure, Diagnostic> {
+    let name = node.name().unwrap_or_default();
+    if !Measure::NAMES.contains(&name) {
+        return Err(Diagnostic::input(format!("there is no measure `{name}`"))
+            .at(&node.origin, "unknown measure")
+            .suggest(name, Measure::NAMES));
+    }
+    // `Time` and `Time()` both mean "with the defaults"
+    let written = match &node.kind {
+        Kind::Leaf => Kind::Struct { name: Some(node.origin.clone()), fields: Vec::new() },
+        kind => kind.clone(),
+    };
+    Node { origin: node.origin.clone(), kind: written }.parse()
+}
+
+/// Sizes above these are refused before anything is allocated.
+const LARGEST_VIEWPORT: u32 = 16_384;
+const MOST_FRAMES: u32 = 100_000;
+
+fn check_scene(scene: &Scene, node: &Node) -> Result<(), Diagnostic> {
+    let at = |field: &str| node.field(field).map_or(&node.origin, |node| &node.origin);
+    let (width, height) = scene.viewport;
+    if !(1..=LARGEST_VIEWPORT).contains(&width) || !(1..=LARGEST_VIEWPORT).contains(&height) {
+        return Err(Diagnostic::input(format!("a viewport of {width} x {height} pixels cannot be drawn"))
+            .at(at("viewport"), format!("each side is from 1 to {LARGEST_VIEWPORT} pixels")));
+    }
+    if !(scene.fov_deg > 0.0 && scene.fov_deg < 180.0) {
+        return Err(Diagnostic::input(format!("a vertical field of view of {} degrees has no picture", scene.fov_deg))
+            .at(at("fov_deg"), "expected degrees above 0 and below 180"));
+    }
+    if !(1..=MOST_FRAMES).contains(&scene.camera.frames()) {
+        return Err(Diagnostic::input(format!("a camera path of {} frames", scene.camera.frames()))
+            .at(at("camera"), format!("expected 1 to {MOST_FRAMES} frames")));
+    }
+    Ok(())
+}

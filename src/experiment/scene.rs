@@ -1,0 +1,331 @@
+//! What is looked at: terrain, camera path, viewport and light, as they are written in an experiment file.
+//!
+//! World frame: x east, y north, z up, metres, right-handed; the south-west height sample is at (0, 0).
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    pub terrain: Terrain,
+    /// How the surface runs between height samples. Default: `Triangles`.
+    #[serde(default)]
+    pub surface: Surface,
+    pub camera: Camera,
+    /// Width and height of the image in pixels. Default: (1024, 768).
+    #[serde(default = "default_viewport")]
+    pub viewport: (u32, u32),
+    /// *Vertical* field of view in degrees. Default: 60.
+    #[serde(default = "default_fov_deg")]
+    pub fov_deg: f64,
+    #[serde(default)]
+    pub light: Light,
+}
+
+fn default_viewport() -> (u32, u32) {
+    (1024, 768)
+}
+
+fn default_fov_deg() -> f64 {
+    60.0
+}
+
+/// The definition of the surface between the samples; ground truth is exact for either.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Surface {
+    /// Two triangles a cell; the diagonal joins the north-east and the south-west sample.
+    #[default]
+    Triangles,
+    /// One bilinear patch a cell.
+    Bilinear,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Terrain {
+    Dem(Dem),
+    Noise(Noise),
+    Shape(Shape),
+}
+
+/// An elevation file: `.png` (8 or 16 bit grey), `.tif`/`.tiff` (GeoTIFF), `.hgt`, `.hgt.zip`, `.npy`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Dem {
+    /// Path of the file, relative to the experiment file.
+    pub file: PathBuf,
+    /// Metres between samples, one number or (x, y). Default: what the file says; files that say nothing need it.
+    #[serde(default)]
+    pub cell_m: Option<CellSize>,
+    /// Height of the sample values 0 and of the largest the sample type holds (integer samples only).
+    /// Excludes `height_offset_m` and `height_scale_m`.
+    #[serde(default)]
+    pub height_m: Option<(f64, f64)>,
+    /// Height of the sample value 0. Default: 0.
+    #[serde(default)]
+    pub height_offset_m: f64,
+    /// Metres a sample step. Default: 1.
+    #[serde(default = "one")]
+    pub height_scale_m: f64,
+    /// The sample value that means "nothing here", if the file does not say it itself. NaN always means it.
+    #[serde(default)]
+    pub nodata_value: Option<f64>,
+    /// What happens to samples without data. Default: `Refuse`.
+    #[serde(default)]
+    pub nodata: Nodata,
+    /// First column, first row (row 0 is north), columns, rows. Default: everything.
+    #[serde(default)]
+    pub crop: Option<(u32, u32, u32, u32)>,
+    /// Columns and rows to resample to (bilinear, both ends kept), after the crop. Default: as it is.
+    #[serde(default)]
+    pub resample: Option<(u32, u32)>,
+    /// Exaggeration, multiplies every height at the end. Default: 1.
+    #[serde(default = "one")]
+    pub vertical_scale: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum Nodata {
+    /// A sample without data is an error that says where it is.
+    #[default]
+    Refuse,
+    /// Every such sample gets this height in metres.
+    Fill(f64),
+    /// Each gap is filled from its border: mean of the known neighbours, ring by ring inwards.
+    Interpolate,
+}
+
+/// Metres between samples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected metres between samples: one number, or (x, y)")]
+pub enum CellSize {
+    Square(f64),
+    Xy(f64, f64),
+}
+
+impl CellSize {
+    pub fn xy(self) -> (f64, f64) {
+        match self {
+            CellSize::Square(side) => (side, side),
+            CellSize::Xy(x, y) => (x, y),
+        }
+    }
+}
+
+/// Procedural heights from the `noise` crate; the same seed gives the same terrain everywhere.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Noise {
+    pub kind: NoiseKind,
+    /// Seeds the lattice and the place in it. Default: 0.
+    #[serde(default)]
+    pub seed: u64,
+    /// Columns and rows. Default: (513, 513).
+    #[serde(default = "default_size")]
+    pub size: (u32, u32),
+    /// Default: 30.
+    #[serde(default = "default_cell")]
+    pub cell_m: CellSize,
+    /// Heights at noise values -1 and 1. Default: (0, 1000).
+    #[serde(default = "default_height_m")]
+    pub height_m: (f64, f64),
+    /// Length of the coarsest octave in metres. Default: 8000.
+    #[serde(default = "default_wavelength_m")]
+    pub wavelength_m: f64,
+    /// Default: 8.
+    #[serde(default = "default_octaves")]
+    pub octaves: u32,
+    /// Frequency ratio of neighbouring octaves. Default: 2.
+    #[serde(default = "default_lacunarity")]
+    pub lacunarity: f64,
+    /// Amplitude ratio of neighbouring octaves. Default: 0.5. At 0 all octaves but the first are left out.
+    #[serde(default = "default_persistence")]
+    pub persistence: f64,
+    /// How far `DomainWarped` moves a place before it asks for the noise, in metres. Default: 1000.
+    #[serde(default = "default_height_top")]
+    pub warp_m: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum NoiseKind {
+    Fbm,
+    Ridged,
+    Billow,
+    Hybrid,
+    DomainWarped,
+}
+
+/// Exact shapes, for teaching and for tests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shape {
+    pub kind: ShapeKind,
+    /// Columns and rows. Default: (513, 513).
+    #[serde(default = "default_size")]
+    pub size: (u32, u32),
+    /// Default: 30.
+    #[serde(default = "default_cell")]
+    pub cell_m: CellSize,
+    /// Lowest and highest height in metres. Default: (0, 1000).
+    #[serde(default = "default_height_m")]
+    pub height_m: (f64, f64),
+    /// Cells a period of `Checkerboard` and `Sine`. Default: 16.
+    #[serde(default = "default_period_cells")]
+    pub period_cells: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ShapeKind {
+    /// The lowest height everywhere.
+    Flat,
+    /// Rises linearly from west to east.
+    Ramp,
+    /// A Gaussian hill in the middle; its standard deviation is an eighth of the smaller side.
+    GaussianHill,
+    /// One sample in the middle at the highest height.
+    Spike,
+    /// The western half low, the eastern half high, one cell between.
+    Cliff,
+    /// Low and high squares of half a period.
+    Checkerboard,
+    /// Product of sines along x and y.
+    Sine,
+}
+
+fn one() -> f64 {
+    1.0
+}
+fn default_size() -> (u32, u32) {
+    (513, 513)
+}
+fn default_cell() -> CellSize {
+    CellSize::Square(30.0)
+}
+fn default_height_m() -> (f64, f64) {
+    (0.0, 1000.0)
+}
+fn default_height_top() -> f64 {
+    1000.0
+}
+fn default_wavelength_m() -> f64 {
+    8000.0
+}
+fn default_octaves() -> u32 {
+    8
+}
+fn default_lacunarity() -> f64 {
+    2.0
+}
+fn default_persistence() -> f64 {
+    0.5
+}
+fn default_period_cells() -> f64 {
+    16.0
+}
+
+/// A camera path with a given number of frames: the same frames every time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Camera {
+    Still(Still),
+    Orbit(Orbit),
+    Flight(Flight),
+}
+
+impl Camera {
+    pub fn frames(&self) -> u32 {
+        match self {
+            Camera::Still(still) => still.frames,
+            Camera::Orbit(orbit) => orbit.frames,
+            Camera::Flight(flight) => flight.frames,
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Still {
+    /// How often the same picture is made, for timings. Default: 1.
+    #[serde(default = "one_frame")]
+    pub frames: u32,
+    /// Eye in world metres.
+    pub eye: (f64, f64, f64),
+    /// The world point in the middle of the picture. Excludes yaw and pitch.
+    #[serde(default)]
+    pub look_at: Option<(f64, f64, f64)>,
+    /// Degrees clockwise from north. Default: 0.
+    #[serde(default)]
+    pub yaw_deg: f64,
+    /// Degrees above the horizon. Default: 0.
+    #[serde(default)]
+    pub pitch_deg: f64,
+    /// Degrees clockwise about the view direction. Default: 0.
+    #[serde(default)]
+    pub roll_deg: f64,
+    /// Lifts the eye to at least this height above the ground. Default: not at all.
+    #[serde(default)]
+    pub clearance_m: Option<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Orbit {
+    pub frames: u32,
+    /// The world point looked at and circled.
+    pub center: (f64, f64, f64),
+    pub radius_m: f64,
+    /// Height of the eye above the centre.
+    pub height_m: f64,
+    /// Where the circle starts, degrees clockwise from north. Default: 180 (south of the centre, looking north).
+    #[serde(default = "south")]
+    pub start_deg: f64,
+    /// Turns over all frames. Default: 1.
+    #[serde(default = "one")]
+    pub turns: f64,
+    /// Lifts the eye to at least this height above the ground. Default: not at all.
+    #[serde(default)]
+    pub clearance_m: Option<f64>,
+}
+
+/// Eye and look-at points joined by Catmull-Rom splines; the keys are evenly spaced in time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Flight {
+    pub frames: u32,
+    pub keys: Vec<Key>,
+    /// Lifts the eye to at least this height above the ground. Default: not at all.
+    #[serde(default)]
+    pub clearance_m: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Key {
+    pub eye: (f64, f64, f64),
+    pub look_at: (f64, f64, f64),
+}
+
+fn one_frame() -> u32 {
+    1
+}
+fn south() -> f64 {
+    180.0
+}
+
+/// Where the sun stands; used by `Shade`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Light {
+    /// Degrees clockwise from north. Default: 315.
+    pub azimuth_deg: f64,
+    /// Degrees above the horizon. Default: 40.
+    pub elevation_deg: f64,
+    /// Share of light that is everywhere. Default: 0.25.
+    pub ambient: f64,
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self { azimuth_deg: 315.0, elevation_deg: 40.0, ambient: 0.25 }
+    }
+}

@@ -1,0 +1,178 @@
+//! Adapters and the device a run uses.
+
+use std::sync::{Arc, Mutex};
+
+use serde::{Deserialize, Serialize};
+
+use super::GpuError;
+use crate::plan::{Plan, Storage, Work};
+
+/// What a record says about the machine it was made on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct AdapterSummary {
+    pub name: String,
+    pub backend: String,
+    pub kind: String,
+    pub driver: String,
+    pub subgroup_min_size: u32,
+    pub subgroup_max_size: u32,
+    pub storage_binding_bytes: u64,
+    pub timestamps: bool,
+    /// Bounds and loop checks of built-in kernels; a user's kernel always has them.
+    pub runtime_checks: String,
+}
+
+/// An open device. Errors that wgpu reports later end up in `failure`.
+pub struct Gpu {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub summary: AdapterSummary,
+    pub limits: wgpu::Limits,
+    failure: Arc<Mutex<Option<String>>>,
+}
+
+fn instance() -> wgpu::Instance {
+    wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle())
+}
+
+fn adapters() -> Vec<wgpu::Adapter> {
+    let mut adapters = pollster::block_on(instance().enumerate_adapters(wgpu::Backends::PRIMARY));
+    let rank = |adapter: &wgpu::Adapter| {
+        let info = adapter.get_info();
+        let kind = match info.device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        };
+        (kind, info.name)
+    };
+    adapters.sort_by_key(rank);
+    adapters
+}
+
+fn summarize(adapter: &wgpu::Adapter) -> AdapterSummary {
+    let info = adapter.get_info();
+    AdapterSummary {
+        backend: info.backend.to_string(),
+        kind: format!("{:?}", info.device_type),
+        driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
+        name: info.name,
+        subgroup_min_size: info.subgroup_min_size,
+        subgroup_max_size: info.subgroup_max_size,
+        storage_binding_bytes: adapter.limits().max_storage_buffer_binding_size,
+        timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+        runtime_checks: "off for built-in kernels".into(),
+    }
+}
+
+/// Every adapter there is, the one a run would take first.
+pub fn list() -> Vec<AdapterSummary> {
+    adapters().iter().map(summarize).collect()
+}
+
+impl Gpu {
+    /// Opens the first adapter whose name contains `wanted`, or the first one.
+    pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
+        let adapters = adapters();
+        let known: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
+        let fits = |name: &String| wanted.is_none_or(|wanted| name.to_lowercase().contains(&wanted.to_lowercase()));
+        let adapter = match (known.iter().position(fits), wanted) {
+            (Some(at), _) => &adapters[at],
+            (None, Some(wanted)) if !known.is_empty() => {
+                return Err(GpuError::UnknownAdapter { wanted: wanted.into(), known });
+            }
+            _ => return Err(GpuError::NoAdapter),
+        };
+        let summary = summarize(adapter);
+        let limits = adapter.limits();
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("lodlab"),
+            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+            required_limits: limits.clone(),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|error| GpuError::Open { adapter: summary.name.clone(), why: error.to_string() })?;
+        let failure = Arc::new(Mutex::new(None));
+        let note = |failure: &Arc<Mutex<Option<String>>>| {
+            let failure = failure.clone();
+            move |what: String| {
+                if let Ok(mut failure) = failure.lock() {
+                    failure.get_or_insert(what);
+                }
+            }
+        };
+        let (on_error, on_loss) = (note(&failure), note(&failure));
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| on_error(error.to_string())));
+        device.set_device_lost_callback(move |reason, message| {
+            // dropping the device at the end is no failure
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                on_loss(message);
+            }
+        });
+        Ok(Self { device, queue, summary, limits, failure })
+    }
+
+    /// Waits until everything submitted is done.
+    pub fn wait(&self) -> Result<(), GpuError> {
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        waited.map_err(|error| GpuError::Lost(error.to_string()))?;
+        self.check()
+    }
+
+    /// The first error that came in outside of any scope.
+    pub fn check(&self) -> Result<(), GpuError> {
+        match self.failure.lock() {
+            Ok(mut failure) => failure.take().map_or(Ok(()), |what| Err(GpuError::Lost(what))),
+            Err(_) => Err(GpuError::Lost("its error handler failed".into())),
+        }
+    }
+
+    /// Runs `make` and turns what the device says about it into an error that names `what`.
+    pub fn scoped<T>(&self, what: &str, make: impl FnOnce() -> T) -> Result<T, GpuError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
+        let made = make();
+        let internal = pollster::block_on(internal.pop());
+        let validation = pollster::block_on(validation.pop());
+        let memory = pollster::block_on(memory.pop());
+        match (memory, validation.or(internal)) {
+            (Some(_), _) => Err(GpuError::OutOfMemory(what.into())),
+            (None, Some(error)) => Err(GpuError::Refused { what: what.into(), why: error.to_string() }),
+            (None, None) => Ok(made),
+        }
+    }
+
+    /// Compares the plan with the adapter's limits, before anything is allocated.
+    pub fn check_plan(&self, plan: &Plan) -> Result<(), GpuError> {
+        let adapter = || self.summary.name.clone();
+        let binding = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
+        for buffer in plan.buffers.iter().filter(|buffer| buffer.lifetime.is_some()) {
+            if buffer.storage != Storage::Target && buffer.bytes() > binding {
+                return Err(GpuError::BufferTooLarge {
+                    buffer: buffer.name.clone(),
+                    needed: crate::plan::megabytes(buffer.bytes()),
+                    adapter: adapter(),
+                    limit: crate::plan::megabytes(binding),
+                });
+            }
+            let side = buffer.dims.iter().copied().max().unwrap_or(0);
+            if buffer.storage == Storage::Target && side > self.limits.max_texture_dimension_2d {
+                let limit = self.limits.max_texture_dimension_2d.into();
+                return Err(GpuError::Limit { what: format!("a side of the render target `{}`", buffer.name), needed: side.into(), adapter: adapter(), limit });
+            }
+        }
+        for step in &plan.steps {
+            let Work::Groups(groups) = step.work else { continue };
+            let (most, limit) = (groups.into_iter().max().unwrap_or(0), self.limits.max_compute_workgroups_per_dimension);
+            if most > limit {
+                let what = format!("a side of the dispatch of `{}`, in workgroups,", step.label);
+                return Err(GpuError::Limit { what, needed: most.into(), adapter: adapter(), limit: limit.into() });
+            }
+        }
+        Ok(())
+    }
+}

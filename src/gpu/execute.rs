@@ -1,0 +1,487 @@
+//! Carries out a plan: everything is made beforehand, a frame is one submission.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::{Gpu, GpuError};
+use crate::kernel::{BindingKind, Entry, Field, FieldKind, Kernel, Structure};
+use crate::plan::{BufferId, Often, Plan, SceneData, Step, Storage, Value, Work};
+
+/// GPU time of one step; `None` if the adapter's stamps are missing or contradict the clock.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepTime {
+    pub step: usize,
+    pub ms: Option<f64>,
+}
+
+/// One submission: wall time from the first command to the end of its execution, and its steps.
+#[derive(Clone, Debug)]
+pub struct SubmissionTime {
+    pub wall_ms: f64,
+    /// From the first step's beginning to the last step's end.
+    pub gpu_ms: Option<f64>,
+    pub steps: Vec<StepTime>,
+}
+
+pub struct Executor<'a> {
+    gpu: &'a Gpu,
+    plan: &'a Plan,
+    buffers: Vec<Option<Place>>,
+    steps: Vec<Prepared>,
+    stamps: Option<Stamps>,
+    /// Time it took to make buffers and pipelines and to upload the terrain.
+    pub prepare_ms: f64,
+}
+
+/// Where a buffer of the plan lives.
+enum Place {
+    Buffer(wgpu::Buffer),
+    Target { texture: wgpu::Texture, view: wgpu::TextureView, depth: wgpu::TextureView },
+}
+
+struct Prepared {
+    pipeline: Pipeline,
+    bind_group: wgpu::BindGroup,
+    /// Bytes from one frame's parameters to the next; `None` without parameters.
+    params_stride: Option<u32>,
+}
+
+enum Pipeline {
+    Compute(wgpu::ComputePipeline),
+    Render(wgpu::RenderPipeline),
+}
+
+struct Stamps {
+    queries: wgpu::QuerySet,
+    resolved: wgpu::Buffer,
+    readable: wgpu::Buffer,
+}
+
+const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+impl<'a> Executor<'a> {
+    pub fn new(gpu: &'a Gpu, plan: &'a Plan, data: &SceneData) -> Result<Self, GpuError> {
+        gpu.check_plan(plan)?;
+        let start = Instant::now();
+        let buffers = make_buffers(gpu, plan)?;
+        for (buffer, place) in plan.buffers.iter().zip(&buffers) {
+            if let (Storage::Input, Some(Place::Buffer(place))) = (buffer.storage, place) {
+                gpu.queue.write_buffer(place, 0, bytemuck::cast_slice(&data.terrain.heights_m));
+            }
+        }
+        let mut executor = Self { gpu, plan, buffers, steps: Vec::new(), stamps: None, prepare_ms: 0.0 };
+        let mut modules = BTreeMap::new();
+        let spare = make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?;
+        for step in &plan.steps {
+            let prepared = executor.prepare(step, &mut modules, &spare)?;
+            executor.steps.push(prepared);
+        }
+        if gpu.summary.timestamps && !plan.steps.is_empty() {
+            executor.stamps = Some(executor.make_stamps()?);
+        }
+        gpu.queue.submit([]);
+        gpu.wait()?;
+        executor.prepare_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(executor)
+    }
+
+    /// Runs the steps that run once.
+    pub fn setup(&self) -> Result<SubmissionTime, GpuError> {
+        self.submit(Often::Once, 0)
+    }
+
+    /// Runs the steps of one frame.
+    pub fn frame(&self, frame: usize) -> Result<SubmissionTime, GpuError> {
+        self.submit(Often::EveryFrame, frame)
+    }
+
+    fn submit(&self, often: Often, frame: usize) -> Result<SubmissionTime, GpuError> {
+        let chosen: Vec<usize> = (0..self.plan.steps.len()).filter(|&at| self.plan.steps[at].often == often).collect();
+        let start = Instant::now();
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for &at in &chosen {
+            self.encode(&mut encoder, at, frame);
+        }
+        if let Some(stamps) = &self.stamps {
+            let count = 2 * self.plan.steps.len() as u32;
+            encoder.resolve_query_set(&stamps.queries, 0..count, &stamps.resolved, 0);
+            encoder.copy_buffer_to_buffer(&stamps.resolved, 0, &stamps.readable, 0, stamps.resolved.size());
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.wait()?;
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.times(&chosen, wall_ms)
+    }
+
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, at: usize, frame: usize) {
+        let (step, prepared) = (&self.plan.steps[at], &self.steps[at]);
+        let offset = prepared.params_stride.map(|stride| stride * frame as u32);
+        let stamps = self.stamps.as_ref().map(|stamps| (&stamps.queries, 2 * at as u32));
+        match (&prepared.pipeline, &step.work) {
+            (Pipeline::Compute(pipeline), work) => {
+                let timestamp_writes = stamps.map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
+                    query_set,
+                    beginning_of_pass_write_index: Some(first),
+                    end_of_pass_write_index: Some(first + 1),
+                });
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&step.label), timestamp_writes });
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(0, &prepared.bind_group, offset.as_slice());
+                match work {
+                    Work::Groups([x, y, z]) => pass.dispatch_workgroups(*x, *y, *z),
+                    Work::Indirect(id) => {
+                        if let Some(Place::Buffer(buffer)) = &self.buffers[id.0] {
+                            pass.dispatch_workgroups_indirect(buffer, 0);
+                        }
+                    }
+                    Work::Draw { .. } => {}
+                }
+            }
+            (Pipeline::Render(pipeline), Work::Draw { vertices, target, .. }) => {
+                let Some(Place::Target { view, depth, .. }) = &self.buffers[target.0] else { return };
+                let timestamp_writes = stamps.map(|(query_set, first)| wgpu::RenderPassTimestampWrites {
+                    query_set,
+                    beginning_of_pass_write_index: Some(first),
+                    end_of_pass_write_index: Some(first + 1),
+                });
+                let clear = |value| wgpu::Operations { load: wgpu::LoadOp::Clear(value), store: wgpu::StoreOp::Store };
+                let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some(&step.label),
+                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                        view,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: clear(wgpu::Color::TRANSPARENT),
+                    })],
+                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                        view: depth,
+                        depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                        stencil_ops: None,
+                    }),
+                    timestamp_writes,
+                    ..Default::default()
+                });
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(0, &prepared.bind_group, offset.as_slice());
+                pass.draw(0..*vertices, 0..1);
+            }
+            _ => {}
+        }
+    }
+
+    /// Reads the stamps after the submission is done. Stamps that run backwards, or that claim more time than
+    /// passed on the clock, are worth nothing.
+    fn times(&self, chosen: &[usize], wall_ms: f64) -> Result<SubmissionTime, GpuError> {
+        let unmeasured = |&step: &usize| StepTime { step, ms: None };
+        let none = SubmissionTime { wall_ms, gpu_ms: None, steps: chosen.iter().map(unmeasured).collect() };
+        let (Some(stamps), Some(&first), Some(&last)) = (&self.stamps, chosen.first(), chosen.last()) else { return Ok(none) };
+        let bytes = self.map(&stamps.readable)?;
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
+        let tick_ms = f64::from(self.gpu.queue.get_timestamp_period()) / 1e6;
+        let between = |from: u64, to: u64| {
+            let ms = to.checked_sub(from)? as f64 * tick_ms;
+            (from != 0 && ms <= wall_ms * 1.05).then_some(ms)
+        };
+        let steps: Vec<StepTime> =
+            chosen.iter().map(|&step| StepTime { step, ms: between(ticks[2 * step], ticks[2 * step + 1]) }).collect();
+        Ok(SubmissionTime { wall_ms, gpu_ms: between(ticks[2 * first], ticks[2 * last + 1]), steps })
+    }
+
+    /// The bytes of a buffer as they are now. Not for use inside a frame.
+    pub fn read(&self, id: BufferId) -> Result<Vec<u8>, GpuError> {
+        let buffer = self.plan.buffer(id);
+        let size = buffer.bytes();
+        let device = &self.gpu.device;
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let staging = match &self.buffers[id.0] {
+            Some(Place::Buffer(source)) => {
+                let staging = make_buffer(self.gpu, &buffer.name, size, usage)?;
+                encoder.copy_buffer_to_buffer(source, 0, &staging, 0, size);
+                staging
+            }
+            Some(Place::Target { texture, .. }) => {
+                let row = (texture.width() * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+                let staging = make_buffer(self.gpu, &buffer.name, u64::from(row) * u64::from(texture.height()), usage)?;
+                let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+                encoder.copy_texture_to_buffer(texture.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &staging, layout }, texture.size());
+                staging
+            }
+            None => return Ok(Vec::new()),
+        };
+        self.gpu.queue.submit([encoder.finish()]);
+        let mut bytes = self.map(&staging)?;
+        if let Some(Place::Target { texture, .. }) = &self.buffers[id.0] {
+            let row = (texture.width() * 4) as usize;
+            let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
+            bytes = bytes.chunks_exact(padded).flat_map(|padded| &padded[..row]).copied().collect();
+        }
+        Ok(bytes)
+    }
+
+    fn map(&self, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
+        // what map_async says is said again by get_mapped_range
+        buffer.map_async(wgpu::MapMode::Read, .., |_| {});
+        self.gpu.wait()?;
+        let bytes = buffer.get_mapped_range(..).map_err(|error| GpuError::Lost(error.to_string()))?.to_vec();
+        buffer.unmap();
+        Ok(bytes)
+    }
+
+    fn make_stamps(&self) -> Result<Stamps, GpuError> {
+        let count = 2 * self.plan.steps.len() as u32;
+        let queries = self.gpu.scoped("timestamps", || {
+            self.gpu.device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count })
+        })?;
+        let bytes = u64::from(count) * 8;
+        use wgpu::BufferUsages as Usage;
+        Ok(Stamps {
+            queries,
+            resolved: make_buffer(self.gpu, "timestamps", bytes, Usage::QUERY_RESOLVE | Usage::COPY_SRC)?,
+            readable: make_buffer(self.gpu, "timestamps", bytes, Usage::MAP_READ | Usage::COPY_DST)?,
+        })
+    }
+
+    fn prepare(&self, step: &Step, modules: &mut BTreeMap<String, wgpu::ShaderModule>, spare: &wgpu::Buffer) -> Result<Prepared, GpuError> {
+        let module = modules.entry(step.kernel.hash()).or_insert_with(|| make_module(self.gpu, &step.kernel));
+        let entries: Vec<&Entry> = step
+            .kernel
+            .entries
+            .iter()
+            .filter(|entry| entry.name == step.entry || matches!(&step.work, Work::Draw { fragment, .. } if *fragment == entry.name))
+            .collect();
+        let params = self.make_params(step, &entries)?;
+        let (layout, bind_group) = self.bind(step, &entries, params.as_ref().map(|(buffer, bytes, _)| (buffer, *bytes)), spare)?;
+        let constants: Vec<(&str, f64)> = step
+            .constants
+            .iter()
+            .filter(|(name, _)| step.kernel.overrides.contains(name))
+            .map(|(name, value)| (name.as_str(), *value))
+            .collect();
+        let what = format!("the pipeline of `{}` ({})", step.label, step.kernel.name);
+        let pipeline = self.gpu.scoped(&what, || make_pipeline(self.gpu, step, module, &layout, &constants))?;
+        Ok(Prepared { pipeline, bind_group, params_stride: params.map(|(_, _, stride)| stride) })
+    }
+
+    /// One uniform buffer with the parameters of all frames, so that a frame uploads nothing.
+    fn make_params(&self, step: &Step, entries: &[&Entry]) -> Result<Option<(wgpu::Buffer, u64, u32)>, GpuError> {
+        let structure = entries.iter().flat_map(|entry| &entry.bindings).find_map(|binding| match &binding.kind {
+            BindingKind::Params(structure) => Some(structure),
+            _ => None,
+        });
+        let Some(structure) = structure else { return Ok(None) };
+        let aligned = structure.bytes.next_multiple_of(self.gpu.limits.min_uniform_buffer_offset_alignment);
+        let frames = if step.is_per_frame() { self.plan.frames } else { 1 };
+        let mut bytes = vec![0; aligned as usize * frames];
+        for (frame, bytes) in bytes.chunks_exact_mut(aligned as usize).enumerate() {
+            pack(structure, step, frame, bytes);
+        }
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let buffer = make_buffer(self.gpu, &format!("parameters of {}", step.label), bytes.len() as u64, usage)?;
+        self.gpu.queue.write_buffer(&buffer, 0, &bytes);
+        let stride = if step.is_per_frame() { aligned } else { 0 };
+        Ok(Some((buffer, structure.bytes.into(), stride)))
+    }
+
+    fn bind(
+        &self,
+        step: &Step,
+        entries: &[&Entry],
+        params: Option<(&wgpu::Buffer, u64)>,
+        spare: &wgpu::Buffer,
+    ) -> Result<(wgpu::PipelineLayout, wgpu::BindGroup), GpuError> {
+        let mut layout_entries: BTreeMap<u32, wgpu::BindGroupLayoutEntry> = BTreeMap::new();
+        let mut group_entries: BTreeMap<u32, wgpu::BindingResource> = BTreeMap::new();
+        for entry in entries {
+            let visibility = match entry.stage {
+                naga::ShaderStage::Vertex => wgpu::ShaderStages::VERTEX,
+                naga::ShaderStage::Fragment => wgpu::ShaderStages::FRAGMENT,
+                _ => wgpu::ShaderStages::COMPUTE,
+            };
+            for binding in &entry.bindings {
+                let (ty, resource) = self.resource(step, &binding.name, &binding.kind, params, spare)?;
+                let slot = layout_entries.entry(binding.binding).or_insert(wgpu::BindGroupLayoutEntry {
+                    binding: binding.binding,
+                    visibility,
+                    ty,
+                    count: None,
+                });
+                slot.visibility |= visibility;
+                group_entries.insert(binding.binding, resource);
+            }
+        }
+        let layout_entries: Vec<_> = layout_entries.into_values().collect();
+        let entries: Vec<_> =
+            group_entries.into_iter().map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let device = &self.gpu.device;
+        self.gpu.scoped(&format!("the bindings of `{}`", step.label), || {
+            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &layout_entries });
+            let group = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
+            let pipeline = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                bind_group_layouts: &[Some(&layout)],
+                ..Default::default()
+            });
+            (pipeline, group)
+        })
+    }
+
+    fn resource<'r>(
+        &'r self,
+        step: &Step,
+        name: &str,
+        kind: &BindingKind,
+        params: Option<(&'r wgpu::Buffer, u64)>,
+        spare: &'r wgpu::Buffer,
+    ) -> Result<(wgpu::BindingType, wgpu::BindingResource<'r>), GpuError> {
+        let bound = step.bindings.iter().find(|(variable, _)| variable == name).and_then(|(_, id)| self.buffers[id.0].as_ref());
+        match (kind, bound, params) {
+            (BindingKind::Params(structure), _, Some((buffer, bytes))) => {
+                let size = std::num::NonZeroU64::new(bytes);
+                let ty = wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: true,
+                    min_binding_size: std::num::NonZeroU64::new(structure.bytes.into()),
+                };
+                Ok((ty, wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })))
+            }
+            (BindingKind::Storage { written, .. }, place, _) => {
+                let ty = wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage { read_only: !written },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                };
+                let Some(Place::Buffer(buffer)) = place else { return Ok((ty, spare.as_entire_binding())) };
+                // a block can be larger than its tenant, whose size is what arrayLength() has to say
+                let bytes = step.bindings.iter().find(|(variable, _)| variable == name).map_or(0, |(_, id)| self.plan.buffer(*id).bytes());
+                let size = std::num::NonZeroU64::new(bytes);
+                Ok((ty, wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })))
+            }
+            (BindingKind::Target, Some(Place::Target { view, .. }), _) => {
+                let ty = wgpu::BindingType::Texture {
+                    sample_type: wgpu::TextureSampleType::Uint,
+                    view_dimension: wgpu::TextureViewDimension::D2,
+                    multisampled: false,
+                };
+                Ok((ty, wgpu::BindingResource::TextureView(view)))
+            }
+            _ => Err(GpuError::Refused { what: format!("the binding `{name}` of `{}`", step.label), why: "it is bound to nothing".into() }),
+        }
+    }
+}
+
+fn make_module(gpu: &Gpu, kernel: &Arc<Kernel>) -> wgpu::ShaderModule {
+    let source = wgpu::ShaderSource::Wgsl(kernel.assembled.text.as_str().into());
+    let descriptor = wgpu::ShaderModuleDescriptor { label: Some(&kernel.name), source };
+    if !kernel.trusted {
+        return gpu.device.create_shader_module(descriptor);
+    }
+    // SAFETY: only the kernels in `kernels/` are trusted. Their indices are clamped to the sizes they are given
+    // or computed from in-range coordinates, and their loops end; the numeric tests run them on every adapter.
+    unsafe { gpu.device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) }
+}
+
+fn make_pipeline(
+    gpu: &Gpu,
+    step: &Step,
+    module: &wgpu::ShaderModule,
+    layout: &wgpu::PipelineLayout,
+    constants: &[(&str, f64)],
+) -> Pipeline {
+    let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
+    let Work::Draw { fragment, .. } = &step.work else {
+        return Pipeline::Compute(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(&step.label),
+            layout: Some(layout),
+            module,
+            entry_point: Some(&step.entry),
+            compilation_options,
+            cache: None,
+        }));
+    };
+    Pipeline::Render(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(&step.label),
+        layout: Some(layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(&step.entry),
+            compilation_options: compilation_options.clone(),
+            buffers: &[],
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH,
+            depth_write_enabled: Some(true),
+            // reversed depth: nearer is larger
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some(fragment),
+            compilation_options,
+            targets: &[Some(COLOUR.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    }))
+}
+
+fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> {
+    use wgpu::BufferUsages as Usage;
+    let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST | Usage::INDIRECT;
+    let slots = plan.slots.iter().enumerate().map(|(at, &bytes)| make_buffer(gpu, &format!("block {at}"), bytes, usage));
+    let slots: Vec<wgpu::Buffer> = slots.collect::<Result<_, _>>()?;
+    let place = |buffer: &crate::plan::Buffer| match (buffer.lifetime, buffer.storage, buffer.slot) {
+        (None, _, _) => Ok(None),
+        (_, Storage::Target, _) => make_target(gpu, &buffer.name, buffer.dims[1], buffer.dims[0]).map(Some),
+        (_, _, Some(slot)) => Ok(Some(Place::Buffer(slots[slot].clone()))),
+        _ => make_buffer(gpu, &buffer.name, buffer.bytes(), usage).map(Place::Buffer).map(Some),
+    };
+    plan.buffers.iter().map(place).collect()
+}
+
+fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
+    let descriptor = wgpu::BufferDescriptor { label: Some(name), size: bytes.max(16), usage, mapped_at_creation: false };
+    gpu.scoped(&format!("the buffer `{name}`"), || gpu.device.create_buffer(&descriptor))
+}
+
+fn make_target(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<Place, GpuError> {
+    use wgpu::TextureUsages as Usage;
+    let texture = |format, usage| {
+        gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(name),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage,
+            view_formats: &[],
+        })
+    };
+    gpu.scoped(&format!("the render target `{name}`"), || {
+        let colour = texture(COLOUR, Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC);
+        let depth = texture(DEPTH, Usage::RENDER_ATTACHMENT);
+        Place::Target { view: colour.create_view(&Default::default()), depth: depth.create_view(&Default::default()), texture: colour }
+    })
+}
+
+/// Writes a frame's parameters where naga says their fields are.
+fn pack(structure: &Structure, step: &Step, frame: usize, bytes: &mut [u8]) {
+    for Field { name, offset, kind, .. } in &structure.fields {
+        let Some((_, series)) = step.params.iter().find(|(field, _)| field == name) else { continue };
+        let packed: &[u8] = match series.at(frame) {
+            Value::F32(values) => bytemuck::cast_slice(values),
+            Value::U32(values) => bytemuck::cast_slice(values),
+            Value::I32(values) => bytemuck::cast_slice(values),
+        };
+        let (FieldKind::F32(components) | FieldKind::U32(components) | FieldKind::I32(components)) = *kind;
+        let length = packed.len().min(4 * components as usize);
+        let start = *offset as usize;
+        bytes[start..start + length].copy_from_slice(&packed[..length]);
+    }
+}

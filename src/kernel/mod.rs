@@ -1,0 +1,63 @@
+//! WGSL kernels: assembled from files, reflected by naga, never mirrored by hand.
+//!
+//! A kernel file may start with lines `//!include lib/NAME.wgsl`. Each included file stands once, in front of
+//! the file that wants it, and every byte of the assembled text knows the file it came from, so that a
+//! mistake is reported where it was written.
+
+mod assemble;
+mod reflect;
+
+use std::sync::Arc;
+
+use crate::experiment::diagnostic::{Diagnostic, Source};
+
+pub use assemble::Assembled;
+pub use reflect::{Binding, BindingKind, Elem, Entry, Field, FieldKind, Structure};
+
+/// A kernel file that passed naga's validation, and what is known of its entry points.
+#[derive(Debug)]
+pub struct Kernel {
+    /// The name that errors and timings use: the file's name.
+    pub name: String,
+    pub assembled: Assembled,
+    pub entries: Vec<Entry>,
+    /// `override` constants by name.
+    pub overrides: Vec<String>,
+    /// Kernels of this crate run without the driver's bounds checks; a user's kernel keeps them.
+    pub trusted: bool,
+}
+
+impl Kernel {
+    /// One of the kernels that come with lodlab, for example `ray_cast.wgsl`.
+    pub fn built_in(name: &str) -> Result<Arc<Kernel>, Diagnostic> {
+        let text = assemble::built_in_text(name)
+            .ok_or_else(|| Diagnostic::run(format!("lodlab has no kernel file `{name}`")))?;
+        Self::from_source(Source::new(format!("kernels/{name}"), text), true)
+    }
+
+    /// A kernel from any text; `source.name` is what errors show.
+    pub fn from_source(source: Arc<Source>, trusted: bool) -> Result<Arc<Kernel>, Diagnostic> {
+        let name = source.name.rsplit('/').next().unwrap_or_default().to_string();
+        let assembled = Assembled::new(source)?;
+        let (entries, overrides) = reflect::reflect(&assembled)?;
+        Ok(Arc::new(Kernel { name, assembled, entries, overrides, trusted }))
+    }
+
+    /// The names of all kernel files that come with lodlab.
+    pub fn built_in_names() -> Vec<String> {
+        assemble::built_in_names()
+    }
+
+    pub fn entry(&self, name: &str) -> Result<&Entry, Diagnostic> {
+        self.entries.iter().find(|entry| entry.name == name).ok_or_else(|| {
+            Diagnostic::input(format!("`{}` has no entry point `{name}`", self.name))
+                .at(&self.assembled.main.everywhere(), "in this kernel")
+                .suggest(name, self.entries.iter().map(|entry| entry.name.as_str()))
+        })
+    }
+
+    /// Identity of the text that runs.
+    pub fn hash(&self) -> String {
+        blake3::hash(self.assembled.text.as_bytes()).to_hex().as_str()[..16].to_string()
+    }
+}

@@ -1,0 +1,217 @@
+//! What naga knows of a kernel: bindings by variable name, parameters by field name and offset.
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, GlobalVariable, Handle, Module, ScalarKind, Span, StorageAccess, TypeInner};
+
+use super::Assembled;
+use crate::experiment::diagnostic::{Diagnostic, Origin};
+
+/// Element of a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+pub enum Elem {
+    F32,
+    U32,
+    I32,
+    Vec2F32,
+    Vec4F32,
+    Vec2U32,
+    Vec4U32,
+}
+
+impl Elem {
+    pub fn components(self) -> u32 {
+        match self {
+            Elem::F32 | Elem::U32 | Elem::I32 => 1,
+            Elem::Vec2F32 | Elem::Vec2U32 => 2,
+            Elem::Vec4F32 | Elem::Vec4U32 => 4,
+        }
+    }
+
+    pub fn bytes(self) -> u64 {
+        u64::from(self.components()) * 4
+    }
+
+    pub fn is_float(self) -> bool {
+        matches!(self, Elem::F32 | Elem::Vec2F32 | Elem::Vec4F32)
+    }
+
+    fn from_type(inner: &TypeInner) -> Option<Self> {
+        let (components, scalar) = match *inner {
+            TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => (1, scalar),
+            TypeInner::Vector { size, scalar } => (size as u32, scalar),
+            _ => return None,
+        };
+        match (scalar.kind, scalar.width, components) {
+            (ScalarKind::Float, 4, 1) => Some(Elem::F32),
+            (ScalarKind::Uint, 4, 1) => Some(Elem::U32),
+            (ScalarKind::Sint, 4, 1) => Some(Elem::I32),
+            (ScalarKind::Float, 4, 2) => Some(Elem::Vec2F32),
+            (ScalarKind::Float, 4, 4) => Some(Elem::Vec4F32),
+            (ScalarKind::Uint, 4, 2) => Some(Elem::Vec2U32),
+            (ScalarKind::Uint, 4, 4) => Some(Elem::Vec4U32),
+            _ => None,
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub struct Entry {
+    pub name: String,
+    pub stage: naga::ShaderStage,
+    pub workgroup_size: [u32; 3],
+    /// The bindings this entry point uses, in binding order.
+    pub bindings: Vec<Binding>,
+}
+
+#[derive(Clone, Debug)]
+pub struct Binding {
+    /// The WGSL variable's name, which is how a stage binds it.
+    pub name: String,
+    pub binding: u32,
+    pub kind: BindingKind,
+    pub origin: Origin,
+}
+
+#[derive(Clone, Debug)]
+pub enum BindingKind {
+    /// `var<uniform>`: the parameters.
+    Params(Structure),
+    /// `var<storage, read>` or `read_write` of an array.
+    Storage { elem: Elem, written: bool },
+    /// `texture_2d<u32>`: a render target read back by a kernel.
+    Target,
+}
+
+/// A uniform structure; nested ones are flattened to dotted names (`camera.corner_hi`).
+#[derive(Clone, Debug)]
+pub struct Structure {
+    pub bytes: u32,
+    pub fields: Vec<Field>,
+}
+
+#[derive(Clone, Debug)]
+pub struct Field {
+    pub name: String,
+    pub offset: u32,
+    pub kind: FieldKind,
+    pub origin: Origin,
+}
+
+/// Scalar type and number of components of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FieldKind {
+    F32(u32),
+    U32(u32),
+    I32(u32),
+}
+
+/// Parses, validates and describes a kernel.
+pub fn reflect(assembled: &Assembled) -> Result<(Vec<Entry>, Vec<String>), Diagnostic> {
+    let module = naga::front::wgsl::parse_str(&assembled.text).map_err(|error| {
+        let labels = error.labels().map(|(span, text)| (span, text.to_string())).collect();
+        diagnose(assembled, error.message().to_string(), labels, error.notes().next().map(str::to_string))
+    })?;
+    let info = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).map_err(|error| {
+        let labels = error.spans().map(|(span, text)| (*span, text.clone())).collect();
+        let causes = std::iter::successors(std::error::Error::source(error.as_inner()), |cause| cause.source());
+        diagnose(assembled, error.as_inner().to_string(), labels, causes.last().map(|cause| cause.to_string()))
+    })?;
+    let mut entries = Vec::new();
+    for (index, entry) in module.entry_points.iter().enumerate() {
+        let function = info.get_entry_point(index);
+        let used = module.global_variables.iter().filter(|(handle, variable)| {
+            variable.binding.is_some() && !function[*handle].is_empty()
+        });
+        let mut bindings = Vec::new();
+        for (handle, variable) in used {
+            bindings.push(binding(assembled, &module, handle, variable)?);
+        }
+        bindings.sort_by_key(|binding| binding.binding);
+        let workgroup_size = entry.workgroup_size;
+        entries.push(Entry { name: entry.name.clone(), stage: entry.stage, workgroup_size, bindings });
+    }
+    let overrides = module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();
+    Ok((entries, overrides))
+}
+
+fn diagnose(assembled: &Assembled, message: String, labels: Vec<(Span, String)>, note: Option<String>) -> Diagnostic {
+    let mut diagnostic = Diagnostic::input(message);
+    for (span, text) in labels {
+        if let Some(range) = span.to_range() {
+            diagnostic = diagnostic.at(&assembled.origin(range), text);
+        }
+    }
+    diagnostic.help = note;
+    diagnostic.or_at(&assembled.main.everywhere())
+}
+
+fn binding(
+    assembled: &Assembled,
+    module: &Module,
+    handle: Handle<GlobalVariable>,
+    variable: &GlobalVariable,
+) -> Result<Binding, Diagnostic> {
+    let name = variable.name.clone().unwrap_or_default();
+    let span = module.global_variables.get_span(handle).to_range().unwrap_or_default();
+    let origin = assembled.origin(span);
+    let refuse = |what: &str| Err(Diagnostic::input(format!("`{name}` {what}")).at(&origin, "this binding"));
+    let Some(place) = &variable.binding else { return refuse("has no binding") };
+    if place.group != 0 {
+        return refuse("is in another group than 0; a kernel has one group");
+    }
+    let inner = &module.types[variable.ty].inner;
+    let kind = match (variable.space, inner) {
+        (AddressSpace::Uniform, TypeInner::Struct { span, .. }) => {
+            let mut fields = Vec::new();
+            flatten(module, variable.ty, "", 0, &origin, &mut fields)?;
+            BindingKind::Params(Structure { bytes: *span, fields })
+        }
+        (AddressSpace::Storage { access }, TypeInner::Array { base, .. }) => {
+            match Elem::from_type(&module.types[*base].inner) {
+                Some(elem) => BindingKind::Storage { elem, written: access.contains(StorageAccess::STORE) },
+                None => return refuse("is an array of a type that no buffer has: f32, u32, i32, vec2 and vec4 of them"),
+            }
+        }
+        (AddressSpace::Handle, TypeInner::Image { .. }) => BindingKind::Target,
+        _ => return refuse("is neither a storage array nor a uniform structure"),
+    };
+    Ok(Binding { name, binding: place.binding, kind, origin })
+}
+
+fn flatten(
+    module: &Module,
+    ty: Handle<naga::Type>,
+    prefix: &str,
+    base: u32,
+    origin: &Origin,
+    fields: &mut Vec<Field>,
+) -> Result<(), Diagnostic> {
+    let TypeInner::Struct { members, .. } = &module.types[ty].inner else { return Ok(()) };
+    for member in members {
+        let name = format!("{prefix}{}", member.name.as_deref().unwrap_or_default());
+        let offset = base + member.offset;
+        let (components, scalar) = match module.types[member.ty].inner {
+            TypeInner::Struct { .. } => {
+                flatten(module, member.ty, &format!("{name}."), offset, origin, fields)?;
+                continue;
+            }
+            TypeInner::Scalar(scalar) => (1, scalar),
+            TypeInner::Vector { size, scalar } => (size as u32, scalar),
+            _ => {
+                return Err(Diagnostic::input(format!("the parameter `{name}` has a type that cannot be set"))
+                    .at(origin, "a parameter is f32, u32, i32 or a vector of them"));
+            }
+        };
+        let kind = match (scalar.kind, scalar.width) {
+            (ScalarKind::Float, 4) => FieldKind::F32(components),
+            (ScalarKind::Uint, 4) => FieldKind::U32(components),
+            (ScalarKind::Sint, 4) => FieldKind::I32(components),
+            _ => {
+                return Err(Diagnostic::input(format!("the parameter `{name}` is not of 32 bits"))
+                    .at(origin, "a parameter is f32, u32, i32 or a vector of them"));
+            }
+        };
+        fields.push(Field { name, offset, kind, origin: origin.clone() });
+    }
+    Ok(())
+}

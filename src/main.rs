@@ -1,0 +1,228 @@
+//! The command line, and the only place that prints.
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use lodlab::check;
+use lodlab::experiment::Experiment;
+use lodlab::experiment::diagnostic::Diagnostic;
+use lodlab::experiment::sweep::{self, Setting};
+use lodlab::gpu::{Gpu, device};
+use lodlab::plan::explain;
+use lodlab::report::table;
+use lodlab::run::{self, Event, Options};
+use lodlab::stages::REGISTRY;
+
+/// Experiments with GPU terrain level of detail: error against run time.
+#[derive(Parser)]
+#[command(version, about)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Runs experiments; finished cells are not run again
+    Run {
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+        /// Sets a parameter: chain.Stage.field=value, *.Stage.field=value, scene.field=value
+        #[arg(long = "set", value_name = "PATH=VALUE")]
+        set: Vec<String>,
+        /// Folder for the results [default: out/NAME for each experiment]
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+        /// The adapter whose name contains this
+        #[arg(long, value_name = "NAME")]
+        adapter: Option<String>,
+        /// Frames of the camera path, instead of what the file says
+        #[arg(long, value_name = "N")]
+        frames: Option<u32>,
+        /// Writes a buffer of every frame as .npy
+        #[arg(long, value_name = "BUFFER")]
+        dump: Vec<String>,
+        /// Runs finished cells again
+        #[arg(long)]
+        force: bool,
+        /// Runs what the plan would leave out, too
+        #[arg(long)]
+        keep_everything: bool,
+    },
+    /// Shows what would run, what is left out and why, buffers and bytes; needs no device
+    Plan {
+        file: PathBuf,
+        #[arg(long = "set", value_name = "PATH=VALUE")]
+        set: Vec<String>,
+    },
+    /// Lists the stages, or explains one
+    Stages { name: Option<String> },
+    /// Compares every stage with its f64 reference on ordinary and extreme input
+    Check {
+        /// The adapter whose name contains this [default: every adapter]
+        #[arg(long, value_name = "NAME")]
+        adapter: Option<String>,
+    },
+    /// Lists the adapters
+    Devices,
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        Command::Run { files, set, out, adapter, frames, dump, force, keep_everything } => {
+            let set = set.into_iter().chain(frames.map(|frames| format!("scene.camera.frames={frames}")));
+            settings(set).and_then(|settings| {
+                let options = Options { settings, adapter, dump, force, keep_everything };
+                run_files(&files, out, &options)
+            })
+        }
+        Command::Plan { file, set } => settings(set.into_iter()).and_then(|settings| show_plans(&file, settings)),
+        Command::Stages { name } => show_stages(name.as_deref()),
+        Command::Check { adapter } => run_checks(adapter.as_deref()),
+        Command::Devices => show_devices(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(diagnostic) => {
+            eprintln!("{diagnostic}");
+            ExitCode::from(diagnostic.exit_code())
+        }
+    }
+}
+
+fn settings(arguments: impl Iterator<Item = String>) -> Result<Vec<Setting>, Diagnostic> {
+    arguments.map(|argument| sweep::read_setting(&argument)).collect()
+}
+
+fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Result<(), Diagnostic> {
+    // a mistake in the last file should not show after an hour of the first
+    let experiments: Vec<Experiment> = files.iter().map(|file| Experiment::load(file)).collect::<Result<_, _>>()?;
+    for experiment in &experiments {
+        run::prepare(experiment, &options.settings)?;
+    }
+    let gpu = Gpu::open(options.adapter.as_deref())?;
+    for (file, experiment) in files.iter().zip(&experiments) {
+        let stem = file.file_stem().unwrap_or_default();
+        let folder = match &out {
+            Some(out) if files.len() == 1 => out.clone(),
+            Some(out) => out.join(stem),
+            None => PathBuf::from("out").join(stem),
+        };
+        println!("{} on {}", experiment.title, gpu.summary.name);
+        let bar = progress_bar();
+        let outcome = run::run(experiment, &gpu, &folder, options, &|event| show(&bar, event));
+        bar.finish_and_clear();
+        let outcome = outcome?;
+        println!("{}", table::table(&outcome.records));
+        println!("{} cells run, {} finished before", outcome.ran, outcome.records.len() - outcome.ran.min(outcome.records.len()));
+        println!("report:   {}", outcome.folder.join("report.html").display());
+        println!("plot:     {}", outcome.folder.join("pareto.svg").display());
+        println!("pictures: {}", outcome.folder.join("pictures").display());
+    }
+    Ok(())
+}
+
+/// A bar with the time left on a terminal; elsewhere nothing, and plain lines instead.
+fn progress_bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} cells, {eta} left: {msg}");
+    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+fn show(bar: &ProgressBar, event: Event) {
+    let line = |text: String| if bar.is_hidden() { println!("{text}") } else { bar.println(text) };
+    match event {
+        Event::Started { cells, finished } => {
+            bar.set_length(cells as u64);
+            bar.set_position(finished as u64);
+            if finished > 0 {
+                line(format!("{finished} of {cells} cells are finished and stay as they are"));
+            }
+        }
+        Event::CellStarted { label, reason } => {
+            bar.set_message(label.clone());
+            line(format!("run {label} ({reason})"));
+        }
+        Event::Frame { done, of } => bar.set_message(format!("frame {done} of {of}")),
+        Event::CellDone { label, frame_ms } => {
+            bar.inc(1);
+            let time = frame_ms.map_or("not timed".into(), |ms| format!("{ms:.2} ms a frame"));
+            line(format!("  done {label}: {time}"));
+        }
+        Event::Warning(text) => line(format!("  warning: {text}")),
+    }
+}
+
+fn show_plans(file: &std::path::Path, settings: Vec<Setting>) -> Result<(), Diagnostic> {
+    let experiment = Experiment::load(file)?;
+    let options = Options { settings, ..Options::default() };
+    let mut shown: Vec<String> = Vec::new();
+    for prepared in run::prepare(&experiment, &options.settings)? {
+        let text = explain(&run::plan(&prepared, &options)?);
+        if !shown.contains(&text) {
+            println!("{text}");
+            shown.push(text);
+        }
+    }
+    Ok(())
+}
+
+fn show_stages(name: Option<&str>) -> Result<(), Diagnostic> {
+    let Some(name) = name else {
+        REGISTRY.iter().for_each(|info| println!("{:<14} {}", info.name, info.summary));
+        return Ok(());
+    };
+    let info = REGISTRY.iter().find(|info| info.name == name).ok_or_else(|| {
+        Diagnostic::input(format!("there is no stage `{name}`")).suggest(name, REGISTRY.iter().map(|info| info.name))
+    })?;
+    println!("{}: {}\n  formula: {}\n  source:  {}", info.name, info.summary, info.formula, info.source);
+    println!("  reads:   {}\n  writes:  {}\n  kernels: {}", info.reads.join(", "), info.writes.join(", "), info.kernels.join(", "));
+    for (name, default, meaning) in info.params {
+        println!("  {name:<10} default {default}: {meaning}");
+    }
+    Ok(())
+}
+
+fn run_checks(adapter: Option<&str>) -> Result<(), Diagnostic> {
+    let wanted: Vec<String> = match adapter {
+        Some(name) => vec![name.to_string()],
+        None => device::list().into_iter().map(|adapter| adapter.name).collect(),
+    };
+    if wanted.is_empty() {
+        return Err(lodlab::gpu::GpuError::NoAdapter.into());
+    }
+    let mut failures = 0;
+    for name in wanted {
+        let gpu = Gpu::open(Some(&name))?;
+        println!("{}", gpu.summary.name);
+        for outcome in check::run(&gpu)? {
+            println!("  {outcome}");
+            failures += usize::from(!outcome.passed());
+        }
+    }
+    match failures {
+        0 => Ok(()),
+        _ => Err(Diagnostic::run(format!("{failures} checks failed"))),
+    }
+}
+
+fn show_devices() -> Result<(), Diagnostic> {
+    let adapters = device::list();
+    if adapters.is_empty() {
+        return Err(lodlab::gpu::GpuError::NoAdapter.into());
+    }
+    for adapter in adapters {
+        println!("{} ({}, {})", adapter.name, adapter.backend, adapter.kind);
+        println!("  driver           {}", adapter.driver);
+        println!("  subgroup size    {} to {}", adapter.subgroup_min_size, adapter.subgroup_max_size);
+        println!("  storage binding  {}", lodlab::plan::megabytes(adapter.storage_binding_bytes));
+        println!("  timestamps       {}", if adapter.timestamps { "yes" } else { "no" });
+    }
+    Ok(())
+}

@@ -1,0 +1,108 @@
+//! What can be said of a mesh by looking at its vertices: triangles, cracks, folds, the largest cell.
+
+use glam::{DVec2, DVec3};
+
+use super::Measured;
+use crate::camera::Camera;
+
+/// A mesh as it is drawn: three corners a triangle, each with its own position.
+#[derive(Clone, Debug, Default)]
+pub struct Triangles {
+    /// Camera-relative metres.
+    pub corners: Vec<[[f32; 3]; 3]>,
+    /// Edges that may belong to one triangle only, as bit patterns of their ends.
+    pub border: Vec<Edge>,
+}
+
+/// Both ends by bit pattern, the smaller first.
+pub type Edge = [[u32; 3]; 2];
+
+pub fn edge(a: [f32; 3], b: [f32; 3]) -> Edge {
+    let (a, b) = (a.map(f32::to_bits), b.map(f32::to_bits));
+    if a <= b { [a, b] } else { [b, a] }
+}
+
+/// The two triangles of each cell of a grid of vertices `[rows, columns]`, as `Rasterize` draws them.
+pub fn grid_triangles(vertices: &[[f32; 4]], columns: usize) -> Triangles {
+    let rows = vertices.len() / columns.max(1);
+    let at = |x: usize, y: usize| {
+        let [px, py, pz, _] = vertices[y * columns + x];
+        [px, py, pz]
+    };
+    let mut mesh = Triangles::default();
+    for y in 0..rows.saturating_sub(1) {
+        for x in 0..columns - 1 {
+            mesh.corners.push([at(x, y), at(x, y + 1), at(x + 1, y)]);
+            mesh.corners.push([at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)]);
+        }
+    }
+    let along_x = (1..columns).flat_map(|x| [(x - 1, 0, x, 0), (x - 1, rows - 1, x, rows - 1)]);
+    let along_y = (1..rows).flat_map(|y| [(0, y - 1, 0, y), (columns - 1, y - 1, columns - 1, y)]);
+    mesh.border = along_x.chain(along_y).map(|(x0, y0, x1, y1)| edge(at(x0, y0), at(x1, y1))).collect();
+    mesh.border.sort_unstable();
+    mesh
+}
+
+/// Edges that belong to one triangle and are not on the border: the neighbour across it, if any, has other
+/// end points, and a ray can pass between. Compared bit for bit.
+pub fn cracks(mesh: &Triangles) -> usize {
+    let mut edges: Vec<Edge> = mesh.corners.iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
+    edges.retain(|[a, b]| a != b);
+    edges.sort_unstable();
+    edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1 && mesh.border.binary_search(&same[0]).is_err()).count()
+}
+
+/// Triangles whose area on the ground is turned against most of the others.
+pub fn folds(mesh: &Triangles) -> usize {
+    let area = |&[a, b, c]: &[[f32; 3]; 3]| {
+        let side = |p: [f32; 3]| DVec2::new(f64::from(p[0]) - f64::from(a[0]), f64::from(p[1]) - f64::from(a[1]));
+        side(b).perp_dot(side(c))
+    };
+    let up = mesh.corners.iter().filter(|corners| area(corners) > 0.0).count();
+    let down = mesh.corners.iter().filter(|corners| area(corners) < 0.0).count();
+    up.min(down)
+}
+
+/// Longest edge in pixels of the triangles that are entirely in the picture.
+pub fn largest_px(mesh: &Triangles, camera: &Camera) -> Option<f64> {
+    let size = DVec2::new(f64::from(camera.viewport.0), f64::from(camera.viewport.1));
+    let place = |point: [f32; 3]| {
+        let point = DVec3::from(point.map(f64::from)) + camera.eye_m;
+        camera.pixel(point).filter(|pixel| pixel.cmpge(DVec2::ZERO).all() && pixel.cmple(size).all())
+    };
+    let longest = |&[a, b, c]: &[[f32; 3]; 3]| {
+        let (a, b, c) = (place(a)?, place(b)?, place(c)?);
+        Some(a.distance(b).max(b.distance(c)).max(c.distance(a)))
+    };
+    mesh.corners.iter().filter_map(longest).reduce(f64::max)
+}
+
+/// Worst values over the frames.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Summary {
+    triangles: usize,
+    cracks: usize,
+    folds: usize,
+    largest_px: Option<f64>,
+}
+
+impl Summary {
+    pub fn add(&mut self, mesh: &Triangles, camera: &Camera) {
+        self.triangles = self.triangles.max(mesh.corners.len());
+        self.cracks += cracks(mesh);
+        self.folds += folds(mesh);
+        self.largest_px = match (self.largest_px, largest_px(mesh, camera)) {
+            (Some(a), Some(b)) => Some(a.max(b)),
+            (a, b) => a.or(b),
+        };
+    }
+
+    pub fn measures(&self) -> Vec<Measured> {
+        vec![
+            Measured::new("triangles", self.triangles as f64, ""),
+            Measured::new("cracks", self.cracks as f64, "edges"),
+            Measured::new("folded", self.folds as f64, "triangles"),
+            Measured::new("largest_cell", self.largest_px, "px"),
+        ]
+    }
+}

@@ -1,0 +1,424 @@
+//! Where a stage states what it does: the buffers it makes and the steps it takes.
+
+use std::sync::Arc;
+
+use glam::{DVec3, UVec2};
+
+use super::{Buffer, BufferId, LeftOut, Often, Plan, Series, Step, Storage, Value, Work};
+use crate::camera::Camera;
+use crate::experiment::diagnostic::{Diagnostic, Origin};
+use crate::experiment::scene::Scene;
+use crate::kernel::{BindingKind, Elem, FieldKind, Kernel};
+use crate::terrain::HeightField;
+
+/// A scene with its terrain in memory and the cameras of all frames.
+#[derive(Clone, Debug)]
+pub struct SceneData {
+    pub scene: Scene,
+    pub terrain: Arc<HeightField>,
+    pub cameras: Vec<Camera>,
+    /// Lowest and highest height of the terrain in metres.
+    pub range_m: (f64, f64),
+    /// The terrain in at most 16 x 16 parts, each with its own lowest and highest height.
+    pub tiles: Vec<Tile>,
+    /// A frame's eye is under the surface or outside the terrain, so that rays can run under the surface.
+    pub sees_underside: bool,
+}
+
+/// Samples `columns.0..=columns.1`, `rows.0..=rows.1` and their height range in metres.
+#[derive(Clone, Copy, Debug)]
+pub struct Tile {
+    pub columns: (u32, u32),
+    pub rows: (u32, u32),
+    pub low_m: f32,
+    pub high_m: f32,
+}
+
+/// Tiles a side.
+const TILES: u32 = 16;
+
+fn tiles(terrain: &HeightField) -> Vec<Tile> {
+    let last = terrain.size - UVec2::ONE;
+    let count = last.min(UVec2::splat(TILES));
+    let part = |at: u32, last: u32, count: u32| (last * at / count, last * (at + 1) / count);
+    let mut tiles = Vec::new();
+    for y in 0..count.y {
+        for x in 0..count.x {
+            let (columns, rows) = (part(x, last.x, count.x), part(y, last.y, count.y));
+            let heights = (rows.0..=rows.1).flat_map(|row| {
+                let start = (row * terrain.size.x) as usize;
+                &terrain.heights_m[start + columns.0 as usize..=start + columns.1 as usize]
+            });
+            let (low_m, high_m) = heights.fold((f32::MAX, f32::MIN), |(low, high), &h| (low.min(h), high.max(h)));
+            tiles.push(Tile { columns, rows, low_m, high_m });
+        }
+    }
+    tiles
+}
+
+impl SceneData {
+    pub fn new(scene: Scene, terrain: Arc<HeightField>) -> Self {
+        let cameras = crate::camera::path(&scene, &terrain);
+        let extent_m = terrain.extent_m();
+        let sees_underside = cameras.iter().any(|camera| {
+            let ground = camera.eye_m.truncate();
+            ground.cmplt(glam::DVec2::ZERO).any()
+                || ground.cmpgt(extent_m).any()
+                || camera.eye_m.z < terrain.surface_m(ground, scene.surface)
+        });
+        Self { range_m: terrain.range_m(), tiles: tiles(&terrain), scene, terrain, cameras, sees_underside }
+    }
+
+    /// Every height is the same.
+    pub fn is_flat(&self) -> bool {
+        self.range_m.0 == self.range_m.1
+    }
+}
+
+/// A chain while its stages are asked for their steps, in order.
+pub struct Chain<'a> {
+    pub data: &'a SceneData,
+    name: String,
+    buffers: Vec<Buffer>,
+    steps: Vec<Step>,
+    left_out: Vec<LeftOut>,
+    stage: String,
+    stage_index: usize,
+    origin: Origin,
+}
+
+impl<'a> Chain<'a> {
+    pub fn new(name: &str, data: &'a SceneData, origin: &Origin) -> Self {
+        let size = data.terrain.size;
+        let height = Buffer {
+            name: "height".into(),
+            elem: Elem::F32,
+            dims: vec![size.y, size.x],
+            unit: "m",
+            meaning: "height samples, row 0 is north".into(),
+            storage: Storage::Input,
+            missing: None,
+            often: Often::Once,
+            lifetime: None,
+            slot: None,
+        };
+        Self {
+            data,
+            name: name.into(),
+            buffers: vec![height],
+            steps: Vec::new(),
+            left_out: Vec::new(),
+            stage: String::new(),
+            stage_index: 0,
+            origin: origin.clone(),
+        }
+    }
+
+    /// Says whose turn it is; mistakes from now on are this stage's.
+    pub fn begin_stage(&mut self, name: &str, index: usize, origin: &Origin) {
+        self.stage = name.into();
+        self.stage_index = index;
+        self.origin = origin.clone();
+    }
+
+    pub fn origin(&self) -> &Origin {
+        &self.origin
+    }
+
+    /// A buffer that a stage before this one made, or the terrain's `height`.
+    pub fn read(&self, name: &str) -> Result<BufferId, Diagnostic> {
+        match self.buffers.iter().rposition(|buffer| buffer.name == name) {
+            Some(at) => Ok(BufferId(at)),
+            None => Err(Diagnostic::input(format!("`{}` needs the buffer `{name}`, which no stage before it makes", self.stage))
+                .at(&self.origin, "this stage")
+                .suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str()))),
+        }
+    }
+
+    pub fn buffer(&self, id: BufferId) -> &Buffer {
+        &self.buffers[id.0]
+    }
+
+    pub fn make(&mut self, name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> BufferId {
+        self.buffers.push(Buffer {
+            name: name.into(),
+            elem,
+            dims: dims.to_vec(),
+            unit,
+            meaning: meaning.into(),
+            storage: Storage::Buffer,
+            missing: None,
+            often: Often::EveryFrame,
+            lifetime: None,
+            slot: None,
+        });
+        BufferId(self.buffers.len() - 1)
+    }
+
+    /// Distances along the pixel's ray in metres, negative where there is no surface.
+    pub fn make_distance(&mut self) -> BufferId {
+        let (width, height) = self.data.scene.viewport;
+        let id = self.make("distance", Elem::F32, &[height, width], "m", "distance along the pixel's ray");
+        self.buffers[id.0].missing = Some(-1.0);
+        id
+    }
+
+    pub fn make_target(&mut self, name: &str, meaning: &str) -> BufferId {
+        let (width, height) = self.data.scene.viewport;
+        let id = self.make(name, Elem::U32, &[height, width], "", meaning);
+        self.buffers[id.0].storage = Storage::Target;
+        id
+    }
+
+    /// Something this stage found out it need not do.
+    pub fn leave_out(&mut self, what: &str, reason: &str, saved_bytes: u64, saved_threads: u64) {
+        let what = format!("{}: {what}", self.stage);
+        self.left_out.push(LeftOut { what, reason: reason.into(), saved_bytes, saved_threads });
+    }
+
+    /// A compute step of this stage, to be finished with [`StepBuilder::over`] or [`StepBuilder::draw`].
+    pub fn step(&mut self, label: &str, kernel: &Arc<Kernel>, entry: &str) -> StepBuilder<'_, 'a> {
+        let step = Step {
+            stage: self.stage.clone(),
+            stage_index: self.stage_index,
+            label: label.into(),
+            kernel: kernel.clone(),
+            entry: entry.into(),
+            bindings: Vec::new(),
+            optional: Vec::new(),
+            params: Vec::new(),
+            constants: Vec::new(),
+            work: Work::Groups([1; 3]),
+            often: Often::EveryFrame,
+            writes: Vec::new(),
+            reads: Vec::new(),
+        };
+        StepBuilder { chain: self, step }
+    }
+
+    /// Names of the buffers that stages make, in order.
+    pub fn made(&self) -> Vec<String> {
+        self.buffers.iter().filter(|buffer| buffer.storage != Storage::Input).map(|buffer| buffer.name.clone()).collect()
+    }
+
+    /// Names of the buffers that the last stage with any buffers makes.
+    pub fn last_made(&self) -> Vec<String> {
+        let last = self.steps.iter().map(|step| step.stage_index).max();
+        let steps = self.steps.iter().filter(|step| Some(step.stage_index) == last);
+        let mut names: Vec<String> = steps.flat_map(|step| &step.writes).map(|id| self.buffers[id.0].name.clone()).collect();
+        names.sort();
+        names.dedup();
+        names
+    }
+
+    pub(super) fn into_draft(self) -> Result<Plan, Diagnostic> {
+        Ok(Plan {
+            chain: self.name,
+            buffers: self.buffers,
+            steps: self.steps,
+            left_out: self.left_out,
+            slots: Vec::new(),
+            outputs: Vec::new(),
+            frames: self.data.cameras.len(),
+        })
+    }
+}
+
+pub struct StepBuilder<'c, 'a> {
+    chain: &'c mut Chain<'a>,
+    step: Step,
+}
+
+impl StepBuilder<'_, '_> {
+    pub fn bind(mut self, variable: &str, buffer: BufferId) -> Self {
+        self.step.bindings.push((variable.into(), buffer));
+        self
+    }
+
+    /// An output that is written only if somebody wants it; `constant` is the override that says so.
+    pub fn bind_if_wanted(mut self, variable: &str, buffer: BufferId, constant: &str) -> Self {
+        self.step.optional.push((variable.into(), buffer, constant.into()));
+        self
+    }
+
+    pub fn set(mut self, field: &str, value: impl Into<Value>) -> Self {
+        self.step.params.push((field.into(), Series::Same(value.into())));
+        self
+    }
+
+    /// One value a frame, in order.
+    pub fn set_series<V: Into<Value>>(mut self, field: &str, values: impl Iterator<Item = V>) -> Self {
+        self.step.params.push((field.into(), Series::PerFrame(values.map(Into::into).collect())));
+        self
+    }
+
+    pub fn set_per_frame<V: Into<Value>>(self, field: &str, value: impl Fn(&Camera) -> V) -> Self {
+        let data = self.chain.data;
+        self.set_series(field, data.cameras.iter().map(value))
+    }
+
+    pub fn constant(mut self, name: &str, value: f64) -> Self {
+        self.step.constants.push((name.into(), value));
+        self
+    }
+
+    /// The fields of `Camera` in `kernels/lib/camera.wgsl`.
+    pub fn set_camera(self) -> Self {
+        let parts = |part: usize, hi: bool| {
+            move |camera: &Camera| {
+                let (high, low) = split(camera.pixel_basis()[part]);
+                if hi { high } else { low }
+            }
+        };
+        let (width, height) = self.chain.data.scene.viewport;
+        self.set("camera.viewport", [width, height])
+            .set_per_frame("camera.right_hi", parts(0, true))
+            .set_per_frame("camera.right_lo", parts(0, false))
+            .set_per_frame("camera.down_hi", parts(1, true))
+            .set_per_frame("camera.down_lo", parts(1, false))
+            .set_per_frame("camera.corner_hi", parts(2, true))
+            .set_per_frame("camera.corner_lo", parts(2, false))
+    }
+
+    /// The fields of `Terrain` in `kernels/lib/terrain.wgsl`.
+    pub fn set_terrain(self) -> Self {
+        let terrain = self.chain.data.terrain.clone();
+        let samples = move |camera: &Camera| terrain.sample_from_world(camera.eye_m.truncate());
+        let fraction = samples.clone();
+        let terrain = &self.chain.data.terrain;
+        let (size, cell_m) = (terrain.size.to_array(), terrain.cell_m.as_vec2().to_array());
+        self.set("terrain.size", size)
+            .set("terrain.cell_m", cell_m)
+            .set_per_frame("terrain.eye_cell", move |camera| samples(camera).floor().as_ivec2().to_array())
+            .set_per_frame("terrain.eye_fraction", move |camera| {
+                let sample = fraction(camera);
+                (sample - sample.floor()).as_vec2().to_array()
+            })
+            .set_per_frame("terrain.eye_height_m", |camera| {
+                let high = camera.eye_m.z as f32;
+                [high, (camera.eye_m.z - f64::from(high)) as f32]
+            })
+    }
+
+    /// Runs one thread an element of a rectangle.
+    pub fn over(mut self, size: UVec2) -> Result<(), Diagnostic> {
+        let workgroup = self.step.kernel.entry(&self.step.entry)?.workgroup_size;
+        self.step.work = Work::Groups([size.x.div_ceil(workgroup[0]), size.y.div_ceil(workgroup[1]), 1]);
+        self.push()
+    }
+
+    /// Runs as many workgroups as the three u32 in `buffer` say; zero of them is nothing at all.
+    pub fn over_indirect(mut self, buffer: BufferId) -> Result<(), Diagnostic> {
+        self.step.work = Work::Indirect(buffer);
+        self.step.reads.push(buffer);
+        self.push()
+    }
+
+    pub fn draw(mut self, vertices: u32, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
+        self.step.work = Work::Draw { vertices, target, fragment: fragment.into() };
+        self.step.writes.push(target);
+        self.push()
+    }
+
+    /// Checks the step against its kernel's reflection and adds it to the chain.
+    fn push(mut self) -> Result<(), Diagnostic> {
+        let mut entries = vec![self.step.kernel.entry(&self.step.entry)?];
+        if let Work::Draw { fragment, .. } = &self.step.work {
+            entries.push(self.step.kernel.entry(fragment)?);
+        }
+        let (mut reads, mut writes) = (Vec::new(), Vec::new());
+        for binding in entries.iter().flat_map(|entry| &entry.bindings) {
+            let bound = self.step.bindings.iter().map(|(name, id)| (name, *id));
+            let optional = self.step.optional.iter().map(|(name, id, _)| (name, *id));
+            let buffer = bound.chain(optional).find(|(name, _)| **name == binding.name).map(|(_, id)| id);
+            match (&binding.kind, buffer) {
+                (BindingKind::Params(structure), _) => self.check_params(structure)?,
+                (_, None) => {
+                    return Err(self.mistake(format!("`{}` is not bound to a buffer", binding.name), &binding.origin));
+                }
+                (BindingKind::Storage { elem, written }, Some(id)) => {
+                    let buffer = self.chain.buffer(id);
+                    if buffer.elem != *elem || buffer.storage == Storage::Target {
+                        let message = format!(
+                            "`{}` is an array of {elem:?}, but the buffer `{}` holds {:?}",
+                            binding.name, buffer.name, buffer.elem
+                        );
+                        return Err(self.mistake(message, &binding.origin));
+                    }
+                    if *written { writes.push(id) } else { reads.push(id) }
+                }
+                (BindingKind::Target, Some(id)) => reads.push(id),
+            }
+        }
+        if let Some(&id) = writes.iter().find(|&id| self.chain.buffer(*id).storage == Storage::Input || reads.contains(id)) {
+            let name = &self.chain.buffer(id).name;
+            let what = if reads.contains(&id) { "is read and written by the same kernel" } else { "is the terrain and cannot be written" };
+            return Err(Diagnostic::input(format!("`{name}` {what}"))
+                .at(&self.chain.origin, "this stage")
+                .help("write a new buffer, or use `ping_pong`"));
+        }
+        let known: Vec<&String> = entries.iter().flat_map(|entry| &entry.bindings).map(|binding| &binding.name).collect();
+        if let Some((name, _)) = self.step.bindings.iter().find(|(name, _)| !known.contains(&name)) {
+            return Err(Diagnostic::input(format!("the kernel `{}` uses no binding `{name}`", self.step.kernel.name))
+                .at(&self.chain.origin, "bound here")
+                .suggest(name, known.iter().map(|name| name.as_str())));
+        }
+        let used: Vec<String> = entries.iter().flat_map(|entry| &entry.bindings).flat_map(|binding| match &binding.kind {
+            BindingKind::Params(structure) => structure.fields.iter().map(|field| field.name.clone()).collect(),
+            _ => Vec::new(),
+        }).collect();
+        self.step.params.retain(|(name, _)| used.contains(name));
+        self.step.reads.extend(reads);
+        self.step.writes.extend(writes);
+        self.chain.steps.push(self.step);
+        Ok(())
+    }
+
+    fn check_params(&self, structure: &crate::kernel::Structure) -> Result<(), Diagnostic> {
+        for field in &structure.fields {
+            let Some((_, series)) = self.step.params.iter().find(|(name, _)| *name == field.name) else {
+                return Err(self.mistake(format!("the parameter `{}` has no value", field.name), &field.origin));
+            };
+            let fits = match (series.at(0), field.kind) {
+                (Value::F32(v), FieldKind::F32(n)) => v.len() == n as usize,
+                (Value::U32(v), FieldKind::U32(n)) => v.len() == n as usize,
+                (Value::I32(v), FieldKind::I32(n)) => v.len() == n as usize,
+                _ => false,
+            };
+            if !fits {
+                let message = format!("the parameter `{}` is {:?}, but got {:?}", field.name, field.kind, series.at(0));
+                return Err(self.mistake(message, &field.origin));
+            }
+        }
+        Ok(())
+    }
+
+    fn mistake(&self, message: String, kernel: &Origin) -> Diagnostic {
+        Diagnostic::input(message).at(kernel, "declared here").at(&self.chain.origin, "used by this stage")
+    }
+}
+
+/// Splits each component into a multiple of 2^-22 and what is missing; see `Camera` in `kernels/lib/camera.wgsl`.
+fn split(vector: DVec3) -> ([f32; 3], [f32; 3]) {
+    const QUANTUM: f64 = 1.0 / 4_194_304.0;
+    let high = (vector / QUANTUM).round() * QUANTUM;
+    (high.as_vec3().to_array(), (vector - high).as_vec3().to_array())
+}
+
+macro_rules! value_from {
+    ($scalar:ty, $variant:ident) => {
+        impl From<$scalar> for Value {
+            fn from(value: $scalar) -> Self {
+                Value::$variant(vec![value])
+            }
+        }
+        impl<const N: usize> From<[$scalar; N]> for Value {
+            fn from(value: [$scalar; N]) -> Self {
+                Value::$variant(value.to_vec())
+            }
+        }
+    };
+}
+value_from!(f32, F32);
+value_from!(u32, U32);
+value_from!(i32, I32);

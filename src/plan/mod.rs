@@ -1,0 +1,213 @@
+//! The plan: a pure value that says what runs, on which buffers, how often, and what was left out and why.
+//!
+//! A chain is planned in three passes: every stage states its buffers and steps ([`chain`]), demand flows back
+//! from what is wanted and drops the rest ([`prune`]), and the buffers that are left get memory ([`alias`]).
+
+mod alias;
+pub mod chain;
+mod explain;
+mod prune;
+
+use std::sync::Arc;
+
+use crate::experiment::diagnostic::Diagnostic;
+use crate::kernel::{Elem, Kernel};
+
+pub use chain::{Chain, SceneData};
+pub use explain::{explain, megabytes};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct BufferId(pub usize);
+
+/// How often a step runs or a buffer is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Often {
+    /// Nothing in it changes with the camera.
+    Once,
+    EveryFrame,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Storage {
+    /// Uploaded before anything runs: the terrain.
+    Input,
+    /// A storage buffer that a step writes.
+    Buffer,
+    /// A render target of one u32 a pixel, with a depth buffer.
+    Target,
+}
+
+#[derive(Clone, Debug)]
+pub struct Buffer {
+    pub name: String,
+    pub elem: Elem,
+    /// C order: rows, columns.
+    pub dims: Vec<u32>,
+    pub unit: &'static str,
+    pub meaning: String,
+    pub storage: Storage,
+    /// The value that means "no surface here"; dumped as NaN.
+    pub missing: Option<f32>,
+    pub often: Often,
+    /// First and last step that touches it; `None` if nothing does.
+    pub lifetime: Option<(usize, usize)>,
+    /// Which block of transient memory it lives in; only buffers made every frame share memory.
+    pub slot: Option<usize>,
+}
+
+impl Buffer {
+    pub fn elements(&self) -> u64 {
+        self.dims.iter().map(|&side| u64::from(side)).product()
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.elements() * self.elem.bytes()
+    }
+}
+
+/// The value of one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    F32(Vec<f32>),
+    U32(Vec<u32>),
+    I32(Vec<i32>),
+}
+
+/// A parameter over the frames.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Series {
+    Same(Value),
+    /// One value a frame.
+    PerFrame(Vec<Value>),
+}
+
+impl Series {
+    pub fn at(&self, frame: usize) -> &Value {
+        match self {
+            Series::Same(value) => value,
+            Series::PerFrame(values) => &values[frame],
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+pub enum Work {
+    /// Compute, this many workgroups.
+    Groups([u32; 3]),
+    /// Compute, with the number of workgroups in a buffer of three u32.
+    Indirect(BufferId),
+    /// Triangles from `vertices` vertices that the vertex shader pulls from buffers.
+    Draw { vertices: u32, target: BufferId, fragment: String },
+}
+
+/// One dispatch or one draw.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Name of the stage it belongs to, and its place in the chain.
+    pub stage: String,
+    pub stage_index: usize,
+    pub label: String,
+    pub kernel: Arc<Kernel>,
+    pub entry: String,
+    pub bindings: Vec<(String, BufferId)>,
+    /// Outputs that are only written if somebody wants them: variable, buffer, override constant.
+    pub optional: Vec<(String, BufferId, String)>,
+    pub params: Vec<(String, Series)>,
+    pub constants: Vec<(String, f64)>,
+    pub work: Work,
+    pub often: Often,
+    /// The buffers it writes, found by reflection.
+    pub writes: Vec<BufferId>,
+    pub reads: Vec<BufferId>,
+}
+
+impl Step {
+    pub fn is_per_frame(&self) -> bool {
+        self.params.iter().any(|(_, series)| matches!(series, Series::PerFrame(_)))
+    }
+
+    /// Threads started, for what leaving the step out saves.
+    pub fn threads(&self) -> u64 {
+        match self.work {
+            Work::Groups(groups) => {
+                let size = self.kernel.entry(&self.entry).map_or([1; 3], |entry| entry.workgroup_size);
+                groups.iter().zip(size).map(|(&groups, size)| u64::from(groups) * u64::from(size)).product()
+            }
+            Work::Draw { vertices, .. } => vertices.into(),
+            Work::Indirect(_) => 0,
+        }
+    }
+}
+
+/// Something the scene or the measures do not need.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct LeftOut {
+    pub what: String,
+    pub reason: String,
+    pub saved_bytes: u64,
+    /// Kernel threads a frame (or once, for what runs once).
+    pub saved_threads: u64,
+}
+
+#[derive(Clone, Debug)]
+pub struct Plan {
+    pub chain: String,
+    pub buffers: Vec<Buffer>,
+    pub steps: Vec<Step>,
+    pub left_out: Vec<LeftOut>,
+    /// Bytes of each block of transient memory.
+    pub slots: Vec<u64>,
+    /// What is read back, in the order it was asked for.
+    pub outputs: Vec<BufferId>,
+    pub frames: usize,
+}
+
+/// What a plan is made for.
+#[derive(Clone, Debug)]
+pub struct Demand {
+    /// Buffers that are measured, dumped or looked at; an unknown name is an error.
+    pub outputs: Vec<String>,
+    /// Run everything, needed or not: the yardstick that shows leaving things out changes nothing.
+    pub keep_everything: bool,
+}
+
+impl Plan {
+    /// Plans a chain whose stages have stated their steps.
+    pub fn finish(chain: Chain<'_>, demand: &Demand) -> Result<Plan, Diagnostic> {
+        let mut plan = chain.into_draft()?;
+        for name in &demand.outputs {
+            plan.outputs.push(plan.find(name)?);
+        }
+        prune::classify(&mut plan);
+        if !demand.keep_everything {
+            prune::prune(&mut plan);
+        }
+        prune::resolve_optional(&mut plan, demand.keep_everything);
+        alias::assign(&mut plan, demand.keep_everything);
+        Ok(plan)
+    }
+
+    /// The last buffer of that name.
+    pub fn find(&self, name: &str) -> Result<BufferId, Diagnostic> {
+        let found = self.buffers.iter().rposition(|buffer| buffer.name == name);
+        found.map(BufferId).ok_or_else(|| {
+            Diagnostic::input(format!("no stage of the chain `{}` makes a buffer `{name}`", self.chain))
+                .suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str()))
+        })
+    }
+
+    pub fn buffer(&self, id: BufferId) -> &Buffer {
+        &self.buffers[id.0]
+    }
+
+    /// Whether a buffer has memory: something that is left writes or reads it.
+    pub fn lives(&self, id: BufferId) -> bool {
+        self.buffer(id).lifetime.is_some()
+    }
+
+    /// Bytes of all memory the plan asks for.
+    pub fn bytes(&self) -> u64 {
+        let own = |buffer: &&Buffer| buffer.lifetime.is_some() && buffer.slot.is_none();
+        self.buffers.iter().filter(own).map(Buffer::bytes).sum::<u64>() + self.slots.iter().sum::<u64>()
+    }
+}

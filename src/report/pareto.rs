@@ -1,0 +1,112 @@
+//! Error against run time: one curve a chain, log axes, the front highlighted.
+
+use plotters::prelude::*;
+
+use super::Record;
+
+/// A record with both numbers.
+struct Point<'a> {
+    chain: &'a str,
+    label: String,
+    ms: f64,
+    error_px: f64,
+}
+
+/// Errors below this are drawn at it: a log axis has no zero, and a thousandth of a pixel is none.
+const SMALLEST_PX: f64 = 1e-4;
+
+const COLOURS: [RGBColor; 6] = [
+    RGBColor(31, 119, 180),
+    RGBColor(214, 99, 20),
+    RGBColor(44, 140, 44),
+    RGBColor(148, 73, 179),
+    RGBColor(170, 40, 50),
+    RGBColor(90, 90, 90),
+];
+
+/// The plot as SVG text, or `None` if no record has an error and a time.
+pub fn svg(title: &str, records: &[Record]) -> Option<String> {
+    let points: Vec<Point> = records.iter().filter_map(point).collect();
+    if points.is_empty() {
+        return None;
+    }
+    let mut text = String::new();
+    draw(&mut text, title, &points).ok()?;
+    Some(text)
+}
+
+fn point(record: &Record) -> Option<Point<'_>> {
+    let error_px = record.measure("error_rms")?.max(SMALLEST_PX);
+    Some(Point { chain: &record.chain, label: record.label(), ms: record.frame_ms()?.max(1e-6), error_px })
+}
+
+/// Nobody is both faster and more exact.
+fn front<'a>(points: &'a [Point<'a>]) -> Vec<&'a Point<'a>> {
+    let beaten = |point: &Point| {
+        points.iter().any(|other| {
+            other.ms <= point.ms && other.error_px <= point.error_px && (other.ms < point.ms || other.error_px < point.error_px)
+        })
+    };
+    let mut front: Vec<&Point> = points.iter().filter(|point| !beaten(point)).collect();
+    front.sort_by(|a, b| a.ms.total_cmp(&b.ms));
+    front
+}
+
+fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn std::error::Error>> {
+    let range = |pick: fn(&Point) -> f64| {
+        let (low, high) = points.iter().map(pick).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
+        low / 1.6..high * 1.6
+    };
+    let root = SVGBackend::with_string(text, (900, 560)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let mut chart = ChartBuilder::on(&root)
+        .caption(title, ("sans-serif", 20))
+        .margin(16)
+        .x_label_area_size(48)
+        .y_label_area_size(72)
+        .build_cartesian_2d(range(|point| point.ms).log_scale(), range(|point| point.error_px).log_scale())?;
+    chart
+        .configure_mesh()
+        .x_desc("frame time, ms (median)")
+        .y_desc("screen-space error, px (RMS)")
+        .light_line_style(RGBColor(240, 240, 240))
+        .label_style(("sans-serif", 14))
+        .x_label_formatter(&short)
+        .y_label_formatter(&short)
+        .draw()?;
+    let front = front(points);
+    chart
+        .draw_series(LineSeries::new(front.iter().map(|point| (point.ms, point.error_px)), RGBColor(250, 205, 90).stroke_width(9)))?
+        .label("front")
+        .legend(|(x, y)| PathElement::new([(x, y), (x + 20, y)], RGBColor(250, 205, 90).stroke_width(9)));
+    let mut chains: Vec<&str> = points.iter().map(|point| point.chain).collect();
+    chains.dedup();
+    for (index, chain) in chains.iter().enumerate() {
+        let colour = COLOURS[index % COLOURS.len()];
+        let mut curve: Vec<&Point> = points.iter().filter(|point| point.chain == *chain).collect();
+        curve.sort_by(|a, b| a.ms.total_cmp(&b.ms));
+        chart
+            .draw_series(LineSeries::new(curve.iter().map(|point| (point.ms, point.error_px)), colour.stroke_width(2)))?
+            .label(*chain)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
+        chart.draw_series(curve.iter().map(|point| Circle::new((point.ms, point.error_px), 4, colour.filled())))?;
+        // the chain is in the legend; what varies stands at the point
+        let name = |point: &&Point| {
+            let label = point.label.strip_prefix(point.chain).unwrap_or(&point.label).trim().to_string();
+            Text::new(label, (point.ms * 1.03, point.error_px * 1.04), ("sans-serif", 11).into_font().color(&colour))
+        };
+        chart.draw_series(curve.iter().map(name))?;
+    }
+    chart.configure_series_labels().border_style(BLACK).background_style(WHITE).label_font(("sans-serif", 14)).draw()?;
+    root.present()?;
+    drop(chart);
+    drop(root);
+    Ok(())
+}
+
+fn short(value: &f64) -> String {
+    match value {
+        0.01..1000.0 => format!("{value:.4}").trim_end_matches('0').trim_end_matches('.').to_string(),
+        _ => format!("{value:.0e}"),
+    }
+}

@@ -1,0 +1,227 @@
+//! One record a cell, written when the cell is done and never half.
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::diagnostic::Diagnostic;
+use crate::gpu::AdapterSummary;
+use crate::measure::Measured;
+use crate::measure::time::Spread;
+use crate::plan::LeftOut;
+
+/// Everything that decides a cell's results; a change in any part makes it another cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Chain, scene, stages and measures, canonical.
+    pub parameters: String,
+    /// Kernel files and the hashes of their assembled texts.
+    pub kernels: Vec<(String, String)>,
+    pub terrain: String,
+    pub adapter: String,
+    /// Version of lodlab and of this record.
+    pub version: String,
+}
+
+impl Identity {
+    pub fn hash(&self) -> String {
+        // a structure of strings always serializes
+        let text = serde_json::to_string(self).unwrap_or_default();
+        blake3::hash(text.as_bytes()).to_hex().as_str()[..16].to_string()
+    }
+
+    /// What differs from the record of an earlier run of the same cell.
+    fn changes(&self, earlier: &Identity) -> Vec<String> {
+        let mut changes = Vec::new();
+        if self.parameters != earlier.parameters {
+            changes.push("parameters".to_string());
+        }
+        let old = |name: &String| earlier.kernels.iter().find(|(known, _)| known == name).map(|(_, hash)| hash);
+        let kernels = self.kernels.iter().filter(|(name, hash)| old(name) != Some(hash)).map(|(name, _)| format!("kernel {name}"));
+        changes.extend(kernels);
+        if self.terrain != earlier.terrain {
+            changes.push("terrain".into());
+        }
+        if self.adapter != earlier.adapter {
+            changes.push(format!("adapter (was {})", earlier.adapter));
+        }
+        if self.version != earlier.version {
+            changes.push(format!("version (was {})", earlier.version));
+        }
+        changes
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct KernelTime {
+    pub stage: String,
+    pub step: String,
+    pub once: bool,
+    /// Milliseconds; `None` is "not measured".
+    pub ms: Option<Spread>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Timings {
+    /// GPU time of a frame, milliseconds.
+    pub frame_gpu_ms: Option<Spread>,
+    /// Wall time of a frame, milliseconds.
+    pub frame_wall_ms: Option<Spread>,
+    /// Share of a frame's wall time outside kernels.
+    pub outside_kernels: Option<f64>,
+    /// What runs once a terrain, milliseconds on the wall clock.
+    pub once_ms: f64,
+    /// Buffers, pipelines, upload.
+    pub prepare_ms: f64,
+    pub kernels: Vec<KernelTime>,
+}
+
+/// One cell's results.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    pub hash: String,
+    pub experiment: String,
+    pub chain: String,
+    /// Swept paths and their values.
+    pub settings: Vec<(String, String)>,
+    pub measures: Vec<Measured>,
+    pub timings: Timings,
+    /// Bytes of memory the plan asked for.
+    pub bytes: u64,
+    /// Hash over the contents of each read-back buffer, all frames.
+    pub buffers: Vec<(String, String)>,
+    pub warnings: Vec<String>,
+    pub plan: String,
+    pub left_out: Vec<LeftOut>,
+    pub adapter: AdapterSummary,
+    pub identity: Identity,
+}
+
+impl Record {
+    pub fn measure(&self, name: &str) -> Option<f64> {
+        self.measures.iter().find(|measure| measure.name == name)?.value
+    }
+
+    /// GPU time of a frame if it was measured, wall time if not.
+    pub fn frame_ms(&self) -> Option<f64> {
+        self.timings.frame_gpu_ms.as_ref().or(self.timings.frame_wall_ms.as_ref()).map(|spread| spread.median)
+    }
+
+    /// Chain and settings: what the user calls this cell.
+    pub fn label(&self) -> String {
+        let settings = self.settings.iter().map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
+        [vec![self.chain.clone()], settings.collect()].concat().join(" ")
+    }
+
+    fn is_same_point(&self, chain: &str, settings: &[(String, String)]) -> bool {
+        self.chain == chain && self.settings == settings
+    }
+}
+
+/// The folder a run leaves its results in.
+pub struct Store {
+    pub folder: PathBuf,
+    earlier: Vec<Record>,
+}
+
+impl Store {
+    pub fn open(folder: &Path) -> Result<Self, Diagnostic> {
+        let cells = folder.join("cells");
+        fs::create_dir_all(&cells).map_err(|error| cannot_write(folder, &error))?;
+        // found out now, not after the first cell's minutes
+        tempfile::NamedTempFile::new_in(&cells).map_err(|error| cannot_write(folder, &error))?;
+        let mut earlier: Vec<Record> = Vec::new();
+        let entries = fs::read_dir(&cells).map_err(|error| cannot_write(folder, &error))?;
+        for entry in entries.flatten().filter(|entry| entry.path().extension().is_some_and(|kind| kind == "json")) {
+            // a file that does not read is not a finished cell: it is run again and written anew
+            let text = fs::read_to_string(entry.path()).unwrap_or_default();
+            earlier.extend(serde_json::from_str::<Record>(&text).ok());
+        }
+        earlier.sort_by(|a, b| a.hash.cmp(&b.hash));
+        Ok(Self { folder: folder.to_path_buf(), earlier })
+    }
+
+    pub fn finished(&self, hash: &str) -> Option<&Record> {
+        self.earlier.iter().find(|record| record.hash == hash)
+    }
+
+    /// Why a cell that is not finished has to run.
+    pub fn reason(&self, chain: &str, settings: &[(String, String)], identity: &Identity) -> String {
+        let same = self.earlier.iter().filter(|record| record.is_same_point(chain, settings));
+        let closest = same.map(|record| identity.changes(&record.identity)).min_by_key(Vec::len);
+        match closest {
+            None => "new".into(),
+            Some(changes) if changes.is_empty() => "forced".into(),
+            Some(changes) => format!("changed: {}", changes.join(", ")),
+        }
+    }
+
+    pub fn save(&self, record: &Record) -> Result<(), Diagnostic> {
+        let json = serde_json::to_vec_pretty(record).map_err(|error| Diagnostic::run(format!("a record cannot be written: {error}")))?;
+        self.write(&format!("cells/{}.json", record.hash), &json)
+    }
+
+    /// Writes a file under the folder in one step: it is there whole or not at all.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Diagnostic> {
+        let path = self.folder.join(name);
+        let folder = path.parent().unwrap_or(&self.folder);
+        let written = fs::create_dir_all(folder).and_then(|()| tempfile::NamedTempFile::new_in(folder)).and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.as_file().sync_all()?;
+            file.persist(&path).map_err(|error| error.error)
+        });
+        written.map(|_| ()).map_err(|error| cannot_write(&path, &error))
+    }
+}
+
+fn cannot_write(path: &Path, error: &std::io::Error) -> Diagnostic {
+    Diagnostic::run(format!("cannot write `{}`: {error}", path.display())).help("choose another folder with --out")
+}
+
+/// One line a record, one column a measure; times in milliseconds.
+pub fn csv(records: &[Record]) -> Result<Vec<u8>, csv::Error> {
+    let mut names: Vec<&str> = Vec::new();
+    let mut paths: Vec<&str> = Vec::new();
+    for record in records {
+        names.extend(record.measures.iter().map(|measure| measure.name.as_str()));
+        paths.extend(record.settings.iter().map(|(path, _)| path.as_str()));
+    }
+    let (names, paths) = (in_order(names), in_order(paths));
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let fixed = ["cell", "experiment", "chain"];
+    let times = ["frame_gpu_ms", "frame_gpu_ms_q1", "frame_gpu_ms_q3", "frame_wall_ms", "samples", "once_ms", "bytes", "adapter"];
+    writer.write_record(fixed.iter().chain(&paths).chain(&names).chain(&times))?;
+    for record in records {
+        let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+        let mut row = vec![record.hash.clone(), record.experiment.clone(), record.chain.clone()];
+        let setting = |path: &&str| record.settings.iter().find(|(known, _)| known == path).map_or(String::new(), |(_, value)| value.clone());
+        row.extend(paths.iter().map(setting));
+        row.extend(names.iter().map(|name| number(record.measure(name))));
+        let gpu = record.timings.frame_gpu_ms.as_ref();
+        let wall = record.timings.frame_wall_ms.as_ref();
+        row.extend([
+            number(gpu.map(|spread| spread.median)),
+            number(gpu.map(|spread| spread.lower_quartile)),
+            number(gpu.map(|spread| spread.upper_quartile)),
+            number(wall.map(|spread| spread.median)),
+            number(wall.map(|spread| spread.samples as f64)),
+            record.timings.once_ms.to_string(),
+            record.bytes.to_string(),
+            record.adapter.name.clone(),
+        ]);
+        writer.write_record(row)?;
+    }
+    writer.into_inner().map_err(|error| error.into_error().into())
+}
+
+fn in_order(names: Vec<&str>) -> Vec<&str> {
+    let mut seen = Vec::new();
+    for name in names {
+        if !seen.contains(&name) {
+            seen.push(name);
+        }
+    }
+    seen
+}

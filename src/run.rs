@@ -1,0 +1,311 @@
+//! A run: experiments to cells, cells to records, records to reports. Finished cells are not run again.
+
+mod cell;
+mod dump;
+mod truth;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::experiment::diagnostic::{Diagnostic, Origin};
+use crate::experiment::scene::Scene;
+use crate::experiment::sweep::Setting;
+use crate::experiment::{Cell, Experiment};
+use crate::gpu::Gpu;
+use crate::plan::{Chain, Demand, Plan, SceneData};
+use crate::report::html::Pictures;
+use crate::report::records::{self, Identity, Record, Store};
+use crate::report::{html, pareto};
+use crate::stages::{self, Stage};
+use crate::terrain::HeightField;
+
+pub use truth::Truth;
+
+/// Changes whenever a record would mean something else than before.
+const RECORD_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "/1");
+
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// `--set` arguments.
+    pub settings: Vec<Setting>,
+    pub adapter: Option<String>,
+    /// Buffers to write as `.npy`, every frame.
+    pub dump: Vec<String>,
+    /// Run finished cells again.
+    pub force: bool,
+    /// Leave nothing out.
+    pub keep_everything: bool,
+}
+
+/// What happens while a run goes on, for whoever shows it.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// Cells in all, and how many of them are finished from before.
+    Started { cells: usize, finished: usize },
+    CellStarted { label: String, reason: String },
+    Frame { done: usize, of: usize },
+    CellDone { label: String, frame_ms: Option<f64> },
+    Warning(String),
+}
+
+/// A cell with its stages read and its terrain in memory.
+pub struct Prepared {
+    pub cell: Cell,
+    pub stages: Vec<Box<dyn Stage>>,
+    pub data: Arc<SceneData>,
+}
+
+/// Reads all cells of an experiment as far as it goes without a device: every mistake in the file shows here.
+pub fn prepare(experiment: &Experiment, settings: &[Setting]) -> Result<Vec<Prepared>, Diagnostic> {
+    let mut terrains: BTreeMap<String, Arc<HeightField>> = BTreeMap::new();
+    let mut scenes: BTreeMap<String, Arc<SceneData>> = BTreeMap::new();
+    let mut prepared = Vec::new();
+    for cell in experiment.cells(settings)? {
+        let read = |call| stages::read(call, &experiment.folder);
+        let stages = cell.stages.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        let key = scene_key(&cell.scene);
+        let data = match scenes.get(&key) {
+            Some(data) => data.clone(),
+            None => {
+                let data = Arc::new(load_scene(&cell, &experiment.folder, &mut terrains)?);
+                scenes.insert(key, data.clone());
+                data
+            }
+        };
+        prepared.push(Prepared { cell, stages, data });
+    }
+    Ok(prepared)
+}
+
+fn scene_key(scene: &Scene) -> String {
+    // plain structures always serialize
+    serde_json::to_string(scene).unwrap_or_default()
+}
+
+fn load_scene(cell: &Cell, folder: &Path, terrains: &mut BTreeMap<String, Arc<HeightField>>) -> Result<SceneData, Diagnostic> {
+    let key = serde_json::to_string(&cell.scene.terrain).unwrap_or_default();
+    let terrain = match terrains.get(&key) {
+        Some(terrain) => terrain.clone(),
+        None => {
+            let loaded = HeightField::load(&cell.scene.terrain, folder).map_err(|error| {
+                let diagnostic = Diagnostic::input(error.to_string()).at(&first_line(&cell.scene_origin), "in this scene");
+                Diagnostic { help: error.help().map(str::to_string), ..diagnostic }
+            })?;
+            terrains.insert(key, Arc::new(loaded));
+            terrains[&serde_json::to_string(&cell.scene.terrain).unwrap_or_default()].clone()
+        }
+    };
+    let data = SceneData::new(cell.scene.clone(), terrain);
+    match data.cameras.iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
+        true => Ok(data),
+        false => Err(Diagnostic::input("the camera path has a place that is not a number").at(&first_line(&cell.scene_origin), "in this scene")),
+    }
+}
+
+fn first_line(origin: &Origin) -> Origin {
+    let end = origin.text().find('\n').map_or(origin.range.end, |at| origin.range.start + at);
+    Origin { source: origin.source.clone(), range: origin.range.start..end }
+}
+
+/// Plans a cell for what it measures and what is to be dumped.
+pub fn plan(prepared: &Prepared, options: &Options) -> Result<Plan, Diagnostic> {
+    let Prepared { cell, stages, data } = prepared;
+    let mut chain = Chain::new(&cell.chain, data, &cell.scene_origin);
+    for (index, (stage, call)) in stages.iter().zip(&cell.stages).enumerate() {
+        chain.begin_stage(&call.name, index, &first_line(&call.node.origin));
+        stage.plan(&mut chain)?;
+    }
+    let mut outputs: Vec<String> = Vec::new();
+    if cell.wants("ScreenError") || cell.wants("Coverage") {
+        outputs.push("distance".into());
+    }
+    if cell.wants("Image") {
+        outputs.push("colour".into());
+    }
+    if cell.wants("Mesh") && chain.read("vertex").is_ok() {
+        outputs.push("vertex".into());
+    }
+    for name in options.dump.iter().filter(|name| chain.read(name).is_ok()) {
+        if !outputs.contains(name) {
+            outputs.push(name.clone());
+        }
+    }
+    // with only the clock looked at, what the chain is for is what its last stage makes
+    if outputs.is_empty() {
+        outputs.extend(chain.last_made());
+    }
+    Plan::finish(chain, &Demand { outputs, keep_everything: options.keep_everything })
+}
+
+fn identity(prepared: &Prepared, plan: &Plan, terrain: &str, gpu: &Gpu, options: &Options) -> Identity {
+    let cell = &prepared.cell;
+    let stages: Vec<String> = cell.stages.iter().map(|call| call.node.canonical()).collect();
+    let measures = format!("{:?}", cell.measures);
+    let all = if options.keep_everything { " all" } else { "" };
+    let mut kernels: Vec<(String, String)> =
+        plan.steps.iter().map(|step| (step.kernel.name.clone(), step.kernel.hash())).collect();
+    kernels.sort();
+    kernels.dedup();
+    Identity {
+        parameters: format!("{} [{}] {} {measures}{all}", cell.chain, stages.join(", "), scene_key(&cell.scene)),
+        kernels,
+        terrain: terrain.into(),
+        adapter: format!("{} {}", gpu.summary.name, gpu.summary.driver),
+        version: RECORD_VERSION.into(),
+    }
+}
+
+/// What a run left behind.
+#[derive(Debug)]
+pub struct Outcome {
+    pub records: Vec<Record>,
+    pub folder: PathBuf,
+    pub ran: usize,
+}
+
+/// Runs an experiment into a folder. What was computed stays, also if a later cell fails.
+pub fn run(
+    experiment: &Experiment,
+    gpu: &Gpu,
+    folder: &Path,
+    options: &Options,
+    tell: &dyn Fn(Event),
+) -> Result<Outcome, Diagnostic> {
+    let prepared = prepare(experiment, &options.settings)?;
+    let mut plans = Vec::new();
+    for cell in &prepared {
+        plans.push(plan(cell, options)?);
+    }
+    if let Some(name) = options.dump.iter().find(|name| plans.iter().all(|plan| plan.find(name).is_err())) {
+        return Err(plans[0].find(name).err().unwrap_or_else(|| Diagnostic::input("nothing to dump")));
+    }
+    for plan in &plans {
+        gpu.check_plan(plan)?;
+    }
+    let store = Store::open(folder)?;
+    let mut hashes: BTreeMap<*const HeightField, String> = BTreeMap::new();
+    let identities: Vec<Identity> = prepared
+        .iter()
+        .zip(&plans)
+        .map(|(cell, plan)| {
+            let terrain = hashes.entry(Arc::as_ptr(&cell.data.terrain)).or_insert_with(|| cell.data.terrain.hash());
+            identity(cell, plan, terrain, gpu, options)
+        })
+        .collect();
+    let must_run: Vec<bool> = identities
+        .iter()
+        .map(|identity| options.force || !options.dump.is_empty() || store.finished(&identity.hash()).is_none())
+        .collect();
+    let finished = must_run.iter().filter(|must| !**must).count();
+    tell(Event::Started { cells: prepared.len(), finished });
+    let sweep = Sweep { experiment, gpu, store: &store, options, tell, prepared: &prepared, plans: &plans, identities: &identities };
+    let result = sweep.run(&must_run);
+    // reports are made of what there is, also after a failure
+    let records = sweep.records();
+    write_reports(experiment, &store, &records)?;
+    result?;
+    Ok(Outcome { records, folder: folder.to_path_buf(), ran: must_run.len() - finished })
+}
+
+struct Sweep<'a> {
+    experiment: &'a Experiment,
+    gpu: &'a Gpu,
+    store: &'a Store,
+    options: &'a Options,
+    tell: &'a dyn Fn(Event),
+    prepared: &'a [Prepared],
+    plans: &'a [Plan],
+    identities: &'a [Identity],
+}
+
+impl Sweep<'_> {
+    /// Cells that look at the same frames run one after the other and share their ground truth.
+    fn run(&self, must_run: &[bool]) -> Result<(), Diagnostic> {
+        let mut done = vec![false; self.prepared.len()];
+        for first in 0..self.prepared.len() {
+            if done[first] || !must_run[first] {
+                continue;
+            }
+            let data = &self.prepared[first].data;
+            let same: Vec<usize> = (first..self.prepared.len())
+                .filter(|&at| must_run[at] && Arc::ptr_eq(&self.prepared[at].data, data))
+                .collect();
+            let truth_plan = truth::plan(data, &self.prepared[first])?;
+            let wanted = same.iter().any(|&at| truth::wanted(&self.prepared[at].cell));
+            let mut truth = if wanted { Some(Truth::new(self.gpu, &truth_plan, data)?) } else { None };
+            for at in same {
+                self.run_cell(at, truth.as_mut())?;
+                done[at] = true;
+            }
+        }
+        Ok(())
+    }
+
+    fn run_cell(&self, at: usize, truth: Option<&mut Truth>) -> Result<(), Diagnostic> {
+        let (prepared, plan, identity) = (&self.prepared[at], &self.plans[at], &self.identities[at]);
+        let hash = identity.hash();
+        let reason = match self.store.finished(&hash) {
+            Some(_) if !self.options.dump.is_empty() => "dump asked for".into(),
+            Some(_) => "forced".into(),
+            None => self.store.reason(&prepared.cell.chain, &prepared.cell.settings, identity),
+        };
+        let label = cell_label(&prepared.cell);
+        (self.tell)(Event::CellStarted { label: label.clone(), reason });
+        let context = cell::Context { gpu: self.gpu, prepared, plan, store: self.store, hash: &hash, options: self.options, tell: self.tell };
+        let results = cell::run(&context, truth)?;
+        for warning in &results.warnings {
+            (self.tell)(Event::Warning(format!("{label}: {warning}")));
+        }
+        let record = Record {
+            hash,
+            experiment: self.experiment.title.clone(),
+            chain: prepared.cell.chain.clone(),
+            settings: prepared.cell.settings.clone(),
+            measures: results.measures,
+            timings: results.timings,
+            bytes: plan.bytes(),
+            buffers: results.buffers,
+            warnings: results.warnings,
+            plan: crate::plan::explain(plan),
+            left_out: plan.left_out.clone(),
+            adapter: self.gpu.summary.clone(),
+            identity: identity.clone(),
+        };
+        self.store.save(&record)?;
+        (self.tell)(Event::CellDone { label, frame_ms: record.frame_ms() });
+        Ok(())
+    }
+
+    /// The records of all finished cells, in the order of the file.
+    fn records(&self) -> Vec<Record> {
+        let read = |identity: &Identity| {
+            let path = self.store.folder.join(format!("cells/{}.json", identity.hash()));
+            serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
+        };
+        self.identities.iter().filter_map(read).collect()
+    }
+}
+
+fn cell_label(cell: &Cell) -> String {
+    let settings = cell.settings.iter().map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
+    [vec![cell.chain.clone()], settings.collect()].concat().join(" ")
+}
+
+fn write_reports(experiment: &Experiment, store: &Store, records: &[Record]) -> Result<(), Diagnostic> {
+    let csv = records::csv(records).map_err(|error| Diagnostic::run(format!("records.csv cannot be made: {error}")))?;
+    store.write("records.csv", &csv)?;
+    let json = serde_json::to_vec_pretty(records).map_err(|error| Diagnostic::run(format!("records.json cannot be made: {error}")))?;
+    store.write("records.json", &json)?;
+    let plot = pareto::svg(&experiment.title, records);
+    if let Some(svg) = &plot {
+        store.write("pareto.svg", svg.as_bytes())?;
+    }
+    let picture = |record: &Record, kind: &str| std::fs::read(store.folder.join(cell::picture_name(&record.hash, kind))).ok();
+    let pictures: Vec<Pictures> = records
+        .iter()
+        .map(|record| Pictures { label: record.label(), image: picture(record, "image"), error: picture(record, "error") })
+        .filter(|pictures| pictures.image.is_some() || pictures.error.is_some())
+        .collect();
+    store.write("report.html", html::page(&experiment.title, records, plot.as_deref(), &pictures).as_bytes())
+}

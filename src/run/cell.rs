@@ -1,0 +1,217 @@
+//! One cell: frames on the GPU, buffers read back between them, measures.
+
+use crate::experiment::Measure;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::gpu::execute::SubmissionTime;
+use crate::gpu::{Executor, Gpu};
+use crate::measure::image::Picture;
+use crate::measure::screen_error::FrameError;
+use crate::measure::{Measured, image, mesh, screen_error, time};
+use crate::plan::{Often, Plan, Storage};
+use crate::report::pictures;
+use crate::report::records::{KernelTime, Store, Timings};
+
+use super::truth::TruthFrame;
+use super::{Event, Options, Prepared, Truth, dump};
+
+pub struct Context<'a> {
+    pub gpu: &'a Gpu,
+    pub prepared: &'a Prepared,
+    pub plan: &'a Plan,
+    pub store: &'a Store,
+    pub hash: &'a str,
+    pub options: &'a Options,
+    pub tell: &'a dyn Fn(Event),
+}
+
+pub struct Results {
+    pub measures: Vec<Measured>,
+    pub timings: Timings,
+    pub buffers: Vec<(String, String)>,
+    pub warnings: Vec<String>,
+}
+
+pub fn picture_name(hash: &str, kind: &str) -> String {
+    format!("pictures/{hash}_{kind}.png")
+}
+
+pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Results, Diagnostic> {
+    let Context { gpu, prepared, plan, .. } = context;
+    let executor = Executor::new(gpu, plan, &prepared.data)?;
+    let once = executor.setup()?;
+    let (warmup, repeats) = sampling(prepared);
+    for frame in 0..warmup {
+        executor.frame(frame as usize % plan.frames)?;
+    }
+    let mut times = Vec::new();
+    let mut tally = Tally::new(context);
+    for frame in 0..plan.frames {
+        times.push(executor.frame(frame)?);
+        tally.frame(&executor, frame, truth.as_deref_mut())?;
+        (context.tell)(Event::Frame { done: frame + 1, of: plan.frames });
+    }
+    for _ in 1..repeats {
+        for frame in 0..plan.frames {
+            times.push(executor.frame(frame)?);
+        }
+    }
+    let timings = timings(plan, &executor, &once, &times);
+    let mut warnings = Vec::new();
+    if timings.frame_gpu_ms.is_none() {
+        warnings.push("the adapter's timestamps are missing or contradict the clock; wall time is reported".to_string());
+    }
+    let (measures, buffers) = tally.finish();
+    Ok(Results { measures, timings, buffers, warnings })
+}
+
+/// Frames before the first that counts, and how often the path is timed.
+fn sampling(prepared: &Prepared) -> (u32, u32) {
+    let time = prepared.cell.measures.iter().find_map(|measure| match measure {
+        Measure::Time { warmup, repeats } => Some((*warmup, (*repeats).max(1))),
+        _ => None,
+    });
+    time.unwrap_or((0, 1))
+}
+
+/// What is summed up over the frames.
+struct Tally<'c, 'a> {
+    context: &'c Context<'a>,
+    errors: screen_error::Summary,
+    mesh: mesh::Summary,
+    psnr_db: Vec<f64>,
+    equal_pictures: bool,
+    ssim: Vec<f64>,
+    hashers: Vec<blake3::Hasher>,
+}
+
+impl<'c, 'a> Tally<'c, 'a> {
+    fn new(context: &'c Context<'a>) -> Self {
+        Self {
+            context,
+            errors: Default::default(),
+            mesh: Default::default(),
+            psnr_db: Vec::new(),
+            equal_pictures: false,
+            ssim: Vec::new(),
+            hashers: vec![blake3::Hasher::new(); context.plan.outputs.len()],
+        }
+    }
+
+    /// Reads the outputs of a frame that is over, and measures them.
+    fn frame(&mut self, executor: &Executor, frame: usize, truth: Option<&mut Truth>) -> Result<(), Diagnostic> {
+        let plan = self.context.plan;
+        let truth = truth.map(|truth| truth.frame(frame)).transpose()?;
+        for (at, &id) in plan.outputs.iter().enumerate() {
+            let buffer = plan.buffer(id);
+            let bytes = executor.read(id)?;
+            self.hashers[at].update(&bytes);
+            let first = frame == 0 || buffer.often == Often::EveryFrame && buffer.storage != Storage::Input;
+            if first && self.context.options.dump.contains(&buffer.name) {
+                let name = format!("dumps/{}/{}_{frame:04}.npy", self.context.hash, buffer.name);
+                self.context.store.write(&name, &dump::npy(buffer, &bytes)?)?;
+            }
+            match (buffer.name.as_str(), &truth) {
+                ("distance", Some(truth)) => self.distance(frame, &bytemuck::pod_collect_to_vec(&bytes), truth)?,
+                ("colour", Some(truth)) => self.colour(frame, &bytemuck::pod_collect_to_vec(&bytes), truth)?,
+                ("vertex", _) => self.vertices(frame, &bytemuck::pod_collect_to_vec(&bytes), buffer.dims[1] as usize),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn is_pictured(&self, frame: usize) -> bool {
+        frame == self.context.plan.frames / 2
+    }
+
+    fn distance(&mut self, frame: usize, drawn_m: &[f32], truth: &TruthFrame) -> Result<(), Diagnostic> {
+        let data = &self.context.prepared.data;
+        let surface = data.scene.surface;
+        let error: FrameError = screen_error::frame(&data.terrain, surface, &data.cameras[frame], drawn_m, &truth.distance_m);
+        self.errors.add(&error);
+        if self.is_pictured(frame) {
+            let mixed_up: Vec<bool> = drawn_m.iter().zip(&truth.distance_m).map(|(a, b)| (*a < 0.0) != (*b < 0.0)).collect();
+            let threshold_px = self.context.prepared.cell.threshold_px();
+            let png = pictures::error_png(data.scene.viewport.0, &error.error_px, &mixed_up, threshold_px);
+            self.context.store.write(&picture_name(self.context.hash, "error"), &png)?;
+        }
+        Ok(())
+    }
+
+    fn colour(&mut self, frame: usize, pixels: &[u32], truth: &TruthFrame) -> Result<(), Diagnostic> {
+        let width = self.context.prepared.data.scene.viewport.0;
+        let drawn = Picture { width: width as usize, pixels };
+        let exact = Picture { pixels: &truth.colour, ..drawn };
+        match image::psnr_db(drawn, exact) {
+            Some(psnr_db) => self.psnr_db.push(psnr_db),
+            None => self.equal_pictures = true,
+        }
+        self.ssim.push(image::ssim(drawn, exact));
+        if self.is_pictured(frame) {
+            self.context.store.write(&picture_name(self.context.hash, "image"), &pictures::colour_png(width, pixels))?;
+        }
+        Ok(())
+    }
+
+    fn vertices(&mut self, frame: usize, vertices: &[[f32; 4]], columns: usize) {
+        let triangles = mesh::grid_triangles(vertices, columns);
+        self.mesh.add(&triangles, &self.context.prepared.data.cameras[frame]);
+    }
+
+    fn finish(self) -> (Vec<Measured>, Vec<(String, String)>) {
+        let cell = &self.context.prepared.cell;
+        let mut measures = Vec::new();
+        if cell.wants("ScreenError") {
+            measures.extend(self.errors.measures(cell.threshold_px()));
+        } else if cell.wants("Coverage") {
+            let all = self.errors.measures(cell.threshold_px());
+            let coverage = ["drawn", "true_surface", "silhouette_misses"];
+            measures.extend(all.into_iter().filter(|measure| coverage.contains(&measure.name.as_str())));
+        }
+        if cell.wants("Image") {
+            // the worst frame; equal pictures have no ratio and are better than any
+            let psnr = self.psnr_db.iter().copied().reduce(f64::min);
+            measures.push(Measured::new("psnr", psnr, "dB"));
+            measures.push(Measured::new("ssim", self.ssim.iter().copied().reduce(f64::min), ""));
+            measures.push(Measured::new("equal_pictures", f64::from(self.equal_pictures && self.psnr_db.is_empty()), ""));
+        }
+        if cell.wants("Mesh") {
+            measures.extend(self.mesh.measures());
+        }
+        let name = |at: usize| self.context.plan.buffer(self.context.plan.outputs[at]).name.clone();
+        let hash = |hasher: &blake3::Hasher| hasher.finalize().to_hex().as_str()[..32].to_string();
+        let buffers = self.hashers.iter().enumerate().map(|(at, hasher)| (name(at), hash(hasher))).collect();
+        (measures, buffers)
+    }
+}
+
+fn timings(plan: &Plan, executor: &Executor, once: &SubmissionTime, frames: &[SubmissionTime]) -> Timings {
+    // one invalid stamp makes the whole step "not measured": a median of the rest would flatter it
+    let all = |samples: Vec<Option<f64>>| samples.into_iter().collect::<Option<Vec<f64>>>().and_then(time::spread);
+    let of_step = |at: usize, submissions: &[SubmissionTime]| {
+        let found = submissions.iter().flat_map(|submission| &submission.steps).filter(|time| time.step == at);
+        all(found.map(|time| time.ms).collect())
+    };
+    let kernels: Vec<KernelTime> = plan
+        .steps
+        .iter()
+        .enumerate()
+        .map(|(at, step)| {
+            let is_once = step.often == Often::Once;
+            let submissions = if is_once { std::slice::from_ref(once) } else { frames };
+            KernelTime { stage: step.stage.clone(), step: step.label.clone(), once: is_once, ms: of_step(at, submissions) }
+        })
+        .collect();
+    let outside = |submission: &SubmissionTime| {
+        let inside: Option<f64> = submission.steps.iter().map(|time| time.ms).sum();
+        inside.map(|inside| 1.0 - inside / submission.wall_ms)
+    };
+    Timings {
+        frame_gpu_ms: all(frames.iter().map(|submission| submission.gpu_ms).collect()),
+        frame_wall_ms: time::spread(frames.iter().map(|submission| submission.wall_ms).collect()),
+        outside_kernels: all(frames.iter().map(outside).collect()).map(|spread| spread.median),
+        once_ms: once.wall_ms,
+        prepare_ms: executor.prepare_ms,
+        kernels,
+    }
+}

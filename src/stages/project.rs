@@ -1,0 +1,209 @@
+use glam::{DVec2, DVec3, UVec2};
+use serde::Deserialize;
+
+use super::height_pyramid::Layout;
+use super::projector::Projector;
+use super::{EPSILON, Info, Stage, read_params};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::kernel::{Elem, Kernel};
+use crate::plan::Chain;
+use crate::reference::{Buffers, Frame, Values};
+
+pub const INFO: Info = Info {
+    name: "Project",
+    summary: "grid points to terrain vertices: ray to the base plane, height from the mean pyramid",
+    formula: "P = V + v_z / (v_z - g_z) (G - V); level = max(0, log2(distance to the farthest neighbour, in cells))",
+    source: "Livny et al. 2008, Eq. 1, 2, 6; Loeffler et al. 2009, Eq. 1; projector after Johanson 2004",
+    reads: &["grid_point", "height", "height_mean"],
+    writes: &["vertex"],
+    kernels: &["project.wgsl"],
+    params: &[
+        ("filter", "Trilinear", "Trilinear blends two levels, Bilinear takes the finer, Finest ignores the pyramid"),
+        ("max_level", "None", "coarsest level sampled; None is up to a single node"),
+    ],
+    read: |node, _| read_params::<Project>(node),
+};
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Project {
+    filter: Filter,
+    max_level: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+enum Filter {
+    #[default]
+    Trilinear,
+    Bilinear,
+    Finest,
+}
+
+impl Project {
+    /// On a flat terrain every level holds the same height.
+    fn finest(&self, frame_is_flat: bool) -> bool {
+        self.filter == Filter::Finest || frame_is_flat
+    }
+
+    fn top(&self, layout: &Layout) -> u32 {
+        self.max_level.unwrap_or(layout.top).min(layout.top)
+    }
+}
+
+impl Stage for Project {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let points = chain.read("grid_point")?;
+        let height = chain.read("height")?;
+        let finest = self.finest(chain.data.is_flat());
+        let mean = if finest { height } else { chain.read("height_mean")? };
+        if chain.data.is_flat() && self.filter != Filter::Finest {
+            chain.leave_out("the mean pyramid", "the terrain is flat, every level is the same", 0, 0);
+        }
+        let &[rows, columns] = chain.buffer(points).dims.as_slice() else {
+            return Err(Diagnostic::input("`grid_point` is not a grid").at(chain.origin(), "needs rows and columns"));
+        };
+        let vertices = chain.make("vertex", Elem::Vec4F32, &[rows, columns], "m", "x east, y north, z up from the eye; w: pyramid level");
+        let layout = Layout::new(chain.data.terrain.size);
+        let kernel = Kernel::built_in("project.wgsl")?;
+        let projectors: Vec<Projector> =
+            chain.data.cameras.iter().map(|camera| Projector::new(chain.data, camera)).collect();
+        let vectors = |pick: fn(&Projector) -> DVec3| projectors.iter().map(move |p| pick(p).as_vec3().to_array());
+        chain
+            .step("project", &kernel, "main")
+            .bind("grid_point", points)
+            .bind("height", height)
+            .bind("height_mean", mean)
+            .bind("vertex", vertices)
+            .constant("FINEST", f64::from(finest))
+            .constant("BLEND", f64::from(self.filter == Filter::Trilinear))
+            .set_terrain()
+            .set("grid", [columns, rows])
+            .set_series("projector_m", vectors(|projector| projector.eye_m))
+            .set_series("base_m", projectors.iter().map(|projector| projector.base_m as f32))
+            .set_series("corner", vectors(|projector| projector.corner))
+            .set_series("right", vectors(|projector| projector.right))
+            .set_series("down", vectors(|projector| projector.down))
+            .set("stride", layout.stride)
+            .set("tall", layout.tall)
+            .set("max_level", self.top(&layout))
+            .over(UVec2::new(columns, rows))
+    }
+
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
+        let points = buffers.get("grid_point");
+        let (rows, columns) = (points.dims[0], points.dims[1]);
+        let projector = Projector::new(frame.data, frame.camera);
+        let reach = projector.corner.length() + projector.right.length() + projector.down.length();
+        let ground = |column: u32, row: u32| {
+            let at = 2 * (row * columns + column) as usize;
+            let (position_m, ray) = projector.ground_m(DVec2::new(points.value[at], points.value[at + 1]));
+            // u and v carry their own bounds; the ray is five roundings of terms as large as `reach`, which
+            // count most where its z is small, then a division and a product with the distance to the plane
+            let off = (12.0 * EPSILON + points.bound[at] + points.bound[at + 1]) * reach;
+            let stretch = off / (-ray.z).max(1e-300) * (1.0 + ray.truncate().length() / -ray.z);
+            (position_m, stretch * (projector.base_m - projector.eye_m.z).abs() + 8.0 * EPSILON * position_m.length())
+        };
+        let mut vertices = Values::missing(&[rows, columns], 4);
+        for row in 0..rows {
+            for column in 0..columns {
+                let (here, off_m) = ground(column, row);
+                let neighbours = [
+                    ground(column.saturating_sub(1), row),
+                    ground((column + 1).min(columns - 1), row),
+                    ground(column, row.saturating_sub(1)),
+                    ground(column, (row + 1).min(rows - 1)),
+                ];
+                let vertex = self.vertex(frame, buffers, here, off_m, &neighbours);
+                let at = 4 * (row * columns + column) as usize;
+                for (component, (value, bound)) in vertex.into_iter().enumerate() {
+                    vertices.set(at + component, value, bound);
+                }
+            }
+        }
+        buffers.put("vertex", vertices);
+    }
+}
+
+impl Project {
+    /// Value and bound of x, y, z and level.
+    fn vertex(&self, frame: &Frame, buffers: &Buffers, here: DVec2, off_m: f64, neighbours: &[(DVec2, f64)]) -> [(f64, f64); 4] {
+        let terrain = &frame.data.terrain;
+        let eye_m = frame.camera.eye_m;
+        let last = (terrain.size - UVec2::ONE).as_dvec2();
+        let sample = terrain.sample_from_world(here + eye_m.truncate()).clamp(DVec2::ZERO, last);
+        let off_cells = off_m / terrain.cell_m.min_element() + 8.0 * EPSILON * last.max_element();
+        let layout = Layout::new(terrain.size);
+        let field = Pyramid { buffers, size: terrain.size, layout, range_m: frame.data.range_m };
+        if self.finest(frame.data.is_flat()) {
+            let (height_m, bound) = field.height(0, sample, off_cells);
+            return [(here.x, off_m), (here.y, off_m), (height_m - eye_m.z, bound), (0.0, 0.0)];
+        }
+        let distance = |(other, _): &(DVec2, f64)| ((*other - here) / terrain.cell_m).length();
+        let extent = neighbours.iter().map(distance).fold(0.0, f64::max);
+        let off_extent = (off_m + neighbours.iter().map(|(_, off)| *off).fold(0.0, f64::max)) / terrain.cell_m.min_element();
+        let level = extent.max(1.0).log2().clamp(0.0, f64::from(self.top(&layout)));
+        // d log2(e) = de / (e ln 2); Vulkan allows log2 an absolute error of 2^-21 near 1 and 3 ulp elsewhere
+        let off_level = off_extent / (extent.max(1.0) * std::f64::consts::LN_2) + 5e-7 + 8.0 * EPSILON * level;
+        let finer = level.floor();
+        let (fine_m, fine_off) = field.height(finer as u32, sample, off_cells);
+        let (coarse_m, coarse_off) = field.height((finer as u32 + 1).min(self.top(&layout)), sample, off_cells);
+        let (height_m, bound) = match self.filter {
+            Filter::Trilinear => {
+                // across a whole level the blend goes on where the one before ended: the difference to the next is enough
+                let slope = field.step_m(finer as u32, sample, off_cells);
+                (fine_m + (coarse_m - fine_m) * (level - finer), fine_off.max(coarse_off) + off_level * slope)
+            }
+            // the level jumps at whole numbers
+            _ if (level - level.round()).abs() <= off_level && extent > 1.0 - off_extent => (fine_m, f64::INFINITY),
+            _ => (fine_m, fine_off),
+        };
+        [(here.x, off_m), (here.y, off_m), (height_m - eye_m.z, bound), (level, off_level)]
+    }
+}
+
+/// Bilinear sampling of the mean pyramid, in f64.
+struct Pyramid<'a> {
+    buffers: &'a Buffers,
+    size: UVec2,
+    layout: Layout,
+    range_m: (f64, f64),
+}
+
+impl Pyramid<'_> {
+    fn node(&self, level: u32, x: f64, y: f64) -> f64 {
+        let last = if level == 0 { self.size - 1 } else { self.layout.size(level) - 1 };
+        let x = x.clamp(0.0, f64::from(last.x)) as u32;
+        let y = y.clamp(0.0, f64::from(last.y)) as u32;
+        match level {
+            0 => self.buffers.get("height").value[(y * self.size.x + x) as usize],
+            _ => self.buffers.get("height_mean").value[self.layout.index(level, x, y)],
+        }
+    }
+
+    /// Height and its bound for a sample position that is known to `off` cells.
+    fn height(&self, level: u32, sample: DVec2, off: f64) -> (f64, f64) {
+        let side = f64::from(1u32 << level);
+        let place = (sample - (side - 1.0) / 2.0) / side;
+        let low = place.floor();
+        let w = place - low;
+        let node = |dx: f64, dy: f64| self.node(level, low.x + dx, low.y + dy);
+        let (nw, ne, sw, se) = (node(0.0, 0.0), node(1.0, 0.0), node(0.0, 1.0), node(1.0, 1.0));
+        let height = (nw * (1.0 - w.x) + ne * w.x) * (1.0 - w.y) + (sw * (1.0 - w.x) + se * w.x) * w.y;
+        // a place that is off by `off` meets the steepest slope around, neighbours of the cell included
+        let around = (-1..=2).flat_map(|dy| (-1..=2).map(move |dx| (f64::from(dx), f64::from(dy))));
+        let heights = around.map(|(dx, dy)| node(dx, dy));
+        let (lowest, highest) = heights.fold((f64::MAX, f64::MIN), |(low, high), h| (low.min(h), high.max(h)));
+        let largest = self.range_m.0.abs().max(self.range_m.1.abs());
+        // means are themselves rounded: six operations a level
+        let rounding = (12.0 + 6.0 * f64::from(level)) * EPSILON * largest;
+        (height, 2.0 * (highest - lowest) * (off / side).min(1.0) + rounding)
+    }
+
+    /// Largest height difference between neighbouring levels around `level`.
+    fn step_m(&self, level: u32, sample: DVec2, off: f64) -> f64 {
+        let at = |level: u32| self.height(level.min(self.layout.top), sample, off).0;
+        let middle = at(level);
+        let next = at(level + 1);
+        (middle - next).abs().max((at(level.saturating_sub(1)) - middle).abs()).max((at(level + 2) - next).abs())
+    }
+}

@@ -1,0 +1,242 @@
+//! Height sources: procedural noise, exact shapes, elevation files; all become a [`HeightField`].
+
+mod files;
+mod geotiff;
+mod nodata;
+mod noise;
+mod shapes;
+
+use std::path::Path;
+
+use glam::{DVec2, UVec2};
+use thiserror::Error;
+
+use crate::experiment::scene::{Dem, Surface, Terrain};
+
+/// Samples a side of the largest terrain that is held in memory (16 384^2 f32 samples are 1 GiB).
+pub const LARGEST_SIDE: u32 = 16_384;
+
+/// A rectangle of height samples. Row 0 is north; the south-west sample is at world (0, 0).
+#[derive(Clone, Debug)]
+pub struct HeightField {
+    /// Columns and rows of samples.
+    pub size: UVec2,
+    /// Metres between samples along x and y.
+    pub cell_m: DVec2,
+    /// `[rows, cols]`, metres.
+    pub heights_m: Vec<f32>,
+}
+
+#[derive(Debug, Error)]
+pub enum TerrainError {
+    #[error("cannot read `{path}`: {why}")]
+    Unreadable { path: String, why: String },
+    #[error("`{path}` {what}")]
+    BadFile { path: String, what: String },
+    #[error("`{0}` is not a kind of elevation file that is known: .png, .tif, .tiff, .hgt, .hgt.zip, .npy")]
+    UnknownFormat(String),
+    #[error("a terrain of {0} x {1} samples; 2 to {LARGEST_SIDE} a side can be held")]
+    Size(u64, u64),
+    #[error("`{0}` does not say how far its samples are apart: give `cell_m`")]
+    NoCellSize(String),
+    #[error("cells of {0} x {1} m have no extent")]
+    CellSize(f64, f64),
+    #[error("the sample at column {column}, row {row} has no data ({count} have none in all)")]
+    NoData { column: u32, row: u32, count: usize },
+    #[error("no sample of this terrain has data")]
+    NothingKnown,
+    #[error("the height at column {column}, row {row} is {height_m} m, which no kernel can work with")]
+    NotFinite { column: u32, row: u32, height_m: f32 },
+    #[error("the crop {0:?} (column, row, columns, rows) does not lie in a terrain of {1} x {2} samples")]
+    Crop((u32, u32, u32, u32), u32, u32),
+    #[error("{0}")]
+    Parameter(String),
+}
+
+impl TerrainError {
+    /// What the user can do about it, where that is not plain from the message.
+    pub fn help(&self) -> Option<&'static str> {
+        match self {
+            TerrainError::Size(..) => Some("crop or resample the terrain, or use one with more samples"),
+            TerrainError::NoData { .. } => Some("`nodata: Fill(0)` or `nodata: Interpolate` fills the gaps"),
+            TerrainError::NotFinite { .. } => Some("`nodata: Interpolate` fills NaN; infinite heights need a cleaned file"),
+            _ => None,
+        }
+    }
+}
+
+impl HeightField {
+    /// Makes or reads the terrain of a scene; relative paths start at `folder`.
+    pub fn load(terrain: &Terrain, folder: &Path) -> Result<Self, TerrainError> {
+        let field = match terrain {
+            Terrain::Dem(dem) => load_dem(dem, folder)?,
+            Terrain::Noise(spec) => {
+                check_extent(spec.size, spec.cell_m.xy())?;
+                noise::generate(spec)?
+            }
+            Terrain::Shape(spec) => {
+                check_extent(spec.size, spec.cell_m.xy())?;
+                shapes::generate(spec)?
+            }
+        };
+        match field.heights_m.iter().position(|height| !height.is_finite() || height.abs() > 1e9) {
+            None => Ok(field),
+            Some(at) => {
+                let (column, row) = (at as u32 % field.size.x, at as u32 / field.size.x);
+                Err(TerrainError::NotFinite { column, row, height_m: field.heights_m[at] })
+            }
+        }
+    }
+
+    pub fn height_m(&self, column: u32, row: u32) -> f32 {
+        self.heights_m[(row * self.size.x + column) as usize]
+    }
+
+    /// Lowest and highest sample in metres.
+    pub fn range_m(&self) -> (f64, f64) {
+        let (low, high) = self.heights_m.iter().fold((f32::MAX, f32::MIN), |(low, high), &h| (low.min(h), high.max(h)));
+        (f64::from(low), f64::from(high))
+    }
+
+    /// World metres from the south-west to the north-east sample.
+    pub fn extent_m(&self) -> DVec2 {
+        (self.size - UVec2::ONE).as_dvec2() * self.cell_m
+    }
+
+    /// Sample coordinates (column, row), both continuous, of a world position.
+    pub fn sample_from_world(&self, position_m: DVec2) -> DVec2 {
+        let cells = position_m / self.cell_m;
+        DVec2::new(cells.x, f64::from(self.size.y - 1) - cells.y)
+    }
+
+    /// Exact height of the surface at a world position in f64; positions outside are moved to the border.
+    pub fn surface_m(&self, position_m: DVec2, surface: Surface) -> f64 {
+        let last = (self.size - UVec2::ONE).as_dvec2();
+        let sample = self.sample_from_world(position_m).clamp(DVec2::ZERO, last);
+        let cell = sample.floor().min(last - 1.0).max(DVec2::ZERO);
+        let (u, v) = (sample.x - cell.x, sample.y - cell.y);
+        let (column, row) = (cell.x as u32, cell.y as u32);
+        let height = |dx, dy| f64::from(self.height_m(column + dx, row + dy));
+        let (nw, ne, sw, se) = (height(0, 0), height(1, 0), height(0, 1), height(1, 1));
+        match surface {
+            Surface::Bilinear => (nw * (1.0 - u) + ne * u) * (1.0 - v) + (sw * (1.0 - u) + se * u) * v,
+            // the diagonal from north-east to south-west is u + v = 1
+            Surface::Triangles if u + v <= 1.0 => nw + (ne - nw) * u + (sw - nw) * v,
+            Surface::Triangles => se + (sw - se) * (1.0 - u) + (ne - se) * (1.0 - v),
+        }
+    }
+
+    /// Identity of everything a cell's results depend on in the terrain.
+    pub fn hash(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(bytemuck::bytes_of(&self.size.to_array()));
+        hasher.update(bytemuck::bytes_of(&self.cell_m.to_array()));
+        hasher.update(bytemuck::cast_slice(&self.heights_m));
+        hasher.finalize().to_hex().as_str()[..32].to_string()
+    }
+}
+
+fn check_extent(size: (u32, u32), cell_m: (f64, f64)) -> Result<(), TerrainError> {
+    if !(2..=LARGEST_SIDE).contains(&size.0) || !(2..=LARGEST_SIDE).contains(&size.1) {
+        return Err(TerrainError::Size(size.0.into(), size.1.into()));
+    }
+    if !(cell_m.0 > 0.0 && cell_m.1 > 0.0 && cell_m.0.is_finite() && cell_m.1.is_finite()) {
+        return Err(TerrainError::CellSize(cell_m.0, cell_m.1));
+    }
+    Ok(())
+}
+
+/// Raw samples of a file before any of the user's wishes are applied to them.
+struct Samples {
+    size: (u32, u32),
+    values: Vec<f64>,
+    /// Value of the largest number the sample type holds, for integer types.
+    full_scale: Option<f64>,
+    nodata_value: Option<f64>,
+    cell_m: Option<(f64, f64)>,
+}
+
+fn load_dem(dem: &Dem, folder: &Path) -> Result<HeightField, TerrainError> {
+    let path = folder.join(&dem.file);
+    let shown = path.display().to_string();
+    let samples = files::read(&path)?;
+    let cell_m = dem.cell_m.map(|cell| cell.xy()).or(samples.cell_m).ok_or(TerrainError::NoCellSize(shown.clone()))?;
+    check_extent(samples.size, cell_m)?;
+    let (offset, scale) = match (dem.height_m, samples.full_scale) {
+        (None, _) => (dem.height_offset_m, dem.height_scale_m),
+        (Some((low, high)), Some(full)) => (low, (high - low) / full),
+        (Some(_), None) => {
+            return Err(TerrainError::Parameter(format!(
+                "`height_m` scales integer samples, but `{shown}` holds floating point heights"
+            )));
+        }
+    };
+    let nodata_value = dem.nodata_value.or(samples.nodata_value);
+    let heights = samples.values.iter().map(|&value| match nodata_value {
+        Some(none) if value == none => f64::NAN,
+        _ => offset + scale * value,
+    });
+    let mut grid = Grid { size: samples.size, cell_m, heights_m: heights.collect() };
+    if let Some(crop) = dem.crop {
+        grid = grid.crop(crop)?;
+    }
+    nodata::apply(&mut grid.heights_m, grid.size, dem.nodata)?;
+    if let Some(size) = dem.resample {
+        check_extent(size, cell_m)?;
+        grid = grid.resample(size);
+    }
+    Ok(HeightField {
+        size: grid.size.into(),
+        cell_m: grid.cell_m.into(),
+        heights_m: grid.heights_m.iter().map(|height| (height * dem.vertical_scale) as f32).collect(),
+    })
+}
+
+/// Heights in f64 while they are still being cut and resampled.
+struct Grid {
+    size: (u32, u32),
+    cell_m: (f64, f64),
+    heights_m: Vec<f64>,
+}
+
+impl Grid {
+    fn crop(self, crop: (u32, u32, u32, u32)) -> Result<Self, TerrainError> {
+        let (column, row, columns, rows) = crop;
+        let fits = |start: u32, length: u32, whole: u32| {
+            length >= 2 && start.checked_add(length).is_some_and(|end| end <= whole)
+        };
+        if !fits(column, columns, self.size.0) || !fits(row, rows, self.size.1) {
+            return Err(TerrainError::Crop(crop, self.size.0, self.size.1));
+        }
+        let width = self.size.0 as usize;
+        let heights_m = (row..row + rows)
+            .flat_map(|row| {
+                let start = row as usize * width + column as usize;
+                self.heights_m[start..start + columns as usize].iter().copied()
+            })
+            .collect();
+        Ok(Self { size: (columns, rows), cell_m: self.cell_m, heights_m })
+    }
+
+    /// Bilinear; the first and last samples of each side stay where they are.
+    fn resample(self, size: (u32, u32)) -> Self {
+        let (columns, rows) = self.size;
+        let step = |from: u32, to: u32| f64::from(from - 1) / f64::from(to - 1);
+        let (step_x, step_y) = (step(columns, size.0), step(rows, size.1));
+        let height = |column: u32, row: u32| self.heights_m[(row * columns + column) as usize];
+        let mut heights_m = Vec::with_capacity(size.0 as usize * size.1 as usize);
+        for row in 0..size.1 {
+            let y = f64::from(row) * step_y;
+            let top = (y as u32).min(rows - 2);
+            let v = y - f64::from(top);
+            for column in 0..size.0 {
+                let x = f64::from(column) * step_x;
+                let left = (x as u32).min(columns - 2);
+                let u = x - f64::from(left);
+                let along = |row| height(left, row) * (1.0 - u) + height(left + 1, row) * u;
+                heights_m.push(along(top) * (1.0 - v) + along(top + 1) * v);
+            }
+        }
+        Self { size, cell_m: (self.cell_m.0 * step_x, self.cell_m.1 * step_y), heights_m }
+    }
+}

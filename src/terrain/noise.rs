@@ -1,0 +1,64 @@
+//! Procedural terrain: fractals of the `noise` crate over a lattice and a place that `rand` chooses from the seed.
+
+use noise::{Billow, Fbm, HybridMulti, MultiFractal, NoiseFn, Perlin, RidgedMulti};
+use rand::{RngExt, SeedableRng, rngs::StdRng};
+use rayon::prelude::*;
+
+use super::{HeightField, TerrainError};
+use crate::experiment::scene::{Noise, NoiseKind};
+
+type Field = Box<dyn Fn([f64; 2]) -> f64 + Sync + Send>;
+
+pub fn generate(spec: &Noise) -> Result<HeightField, TerrainError> {
+    let bad = |what: String| Err(TerrainError::Parameter(what));
+    if !(1..=32).contains(&spec.octaves) {
+        return bad(format!("{} octaves; 1 to 32 can be summed", spec.octaves));
+    }
+    if !(spec.wavelength_m > 0.0 && spec.wavelength_m.is_finite()) {
+        return bad(format!("a wavelength of {} m", spec.wavelength_m));
+    }
+    let mut random = StdRng::seed_from_u64(spec.seed);
+    // a lattice repeats every 256 units, so a random place in it is as good as a random lattice
+    let place: [f64; 2] = [random.random_range(0.0..256.0), random.random_range(0.0..256.0)];
+    let field = noise_field(spec, &mut random);
+    let (columns, rows) = spec.size;
+    let (cell_x, cell_y) = spec.cell_m.xy();
+    let (low, high) = spec.height_m;
+    let heights_m = (0..rows).into_par_iter().flat_map_iter(|row| {
+        let field = &field;
+        (0..columns).map(move |column| {
+            let x_m = f64::from(column) * cell_x;
+            let y_m = f64::from(rows - 1 - row) * cell_y;
+            let value = field([place[0] + x_m / spec.wavelength_m, place[1] + y_m / spec.wavelength_m]);
+            (low + (high - low) * (value * 0.5 + 0.5)) as f32
+        })
+    });
+    Ok(HeightField { size: spec.size.into(), cell_m: spec.cell_m.xy().into(), heights_m: heights_m.collect() })
+}
+
+fn noise_field(spec: &Noise, random: &mut StdRng) -> Field {
+    // octaves without amplitude are left out: they cost time and add nothing
+    let octaves = if spec.persistence == 0.0 { 1 } else { spec.octaves as usize };
+    let seed: u32 = random.random();
+    macro_rules! fractal {
+        ($kind:ident, $seed:expr) => {{
+            let fractal = $kind::<Perlin>::new($seed)
+                .set_octaves(octaves)
+                .set_frequency(1.0)
+                .set_lacunarity(spec.lacunarity)
+                .set_persistence(spec.persistence);
+            move |place: [f64; 2]| fractal.get(place)
+        }};
+    }
+    match spec.kind {
+        NoiseKind::Fbm => Box::new(fractal!(Fbm, seed)),
+        NoiseKind::Ridged => Box::new(fractal!(RidgedMulti, seed)),
+        NoiseKind::Billow => Box::new(fractal!(Billow, seed)),
+        NoiseKind::Hybrid => Box::new(fractal!(HybridMulti, seed)),
+        NoiseKind::DomainWarped => {
+            let (height, east, north) = (fractal!(Fbm, seed), fractal!(Fbm, random.random()), fractal!(Fbm, random.random()));
+            let reach = spec.warp_m / spec.wavelength_m;
+            Box::new(move |[x, y]| height([x + reach * east([x, y]), y + reach * north([x, y])]))
+        }
+    }
+}
