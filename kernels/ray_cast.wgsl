@@ -3,6 +3,9 @@
 //!include lib/pyramid.wgsl
 // Exact first hit of each pixel's ray with the full-resolution surface, by traversal of the maximum pyramid
 // (Tevs, Ihrke, Seidel 2008) and a sign test at cell borders that leaves no gap between cells.
+//
+// `coarse` walks the bundle of rays of a tile of pixels as far as nothing in it can hit anything; `main` starts
+// each ray there. A ray's parameter t is its distance along the view direction, so a tile's rays share it.
 
 struct Params {
     camera: Camera,
@@ -17,6 +20,9 @@ struct Params {
 @group(0) @binding(2) var<storage, read> height_max: array<f32>;
 @group(0) @binding(3) var<storage, read> height_min: array<f32>;
 @group(0) @binding(4) var<storage, read_write> distance: array<f32>;
+/// For each tile, a t that all its rays reach without a hit; FAR if none of them hits anything.
+@group(0) @binding(5) var<storage, read_write> clear_until: array<f32>;
+@group(0) @binding(6) var<storage, read> start: array<f32>;
 
 /// The surface in a cell is one bilinear patch instead of two triangles.
 override BILINEAR: bool = false;
@@ -24,6 +30,12 @@ override BILINEAR: bool = false;
 override UNDERSIDE: bool = false;
 
 const FAR: f32 = 3.0e38;
+/// Pixels a side of a tile.
+const TILE: u32 = 8u;
+/// Tries of a bundle before it is content with where it is.
+const MOST_TRIES: u32 = 96u;
+/// Level a ray starts at: it starts close to the surface.
+const START_LEVEL: u32 = 2u;
 
 /// The ray in cell units horizontally and metres vertically, eye at the origin: position = direction * t.
 struct Ray {
@@ -139,7 +151,7 @@ fn bound(level: u32, node: vec2<i32>, side: f32) -> f32 {
     return height_max[index];
 }
 
-fn first_hit(direction_m: vec3<f32>) -> f32 {
+fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
     let terrain = params.terrain;
     var ray: Ray;
     ray.direction = vec3(cells_from_world(terrain, direction_m.xy), direction_m.z);
@@ -152,7 +164,7 @@ fn first_hit(direction_m: vec3<f32>) -> f32 {
     let last = vec2<i32>(terrain.size) - 1;
     let nearest = select(last, vec2(0), ray.forward);
     let farthest = select(vec2(0), last, ray.forward);
-    var t_in = 0.0;
+    var t_in = clear;
     var t_out = FAR;
     for (var axis = 0; axis < 2; axis++) {
         let eye_cell = terrain.eye_cell[axis];
@@ -178,7 +190,7 @@ fn first_hit(direction_m: vec3<f32>) -> f32 {
         let f = above(ray, t, surface_m(corners(cell), in_cell(ray, t, cell)));
         side = select(-1.0, 1.0, f >= 0.0);
     }
-    var level = params.top;
+    var level = min(START_LEVEL, params.top);
     loop {
         let node = cell >> vec2(level);
         let far_line = min((node + select(vec2(0), vec2(1), ray.forward)) << vec2(level), last);
@@ -214,8 +226,9 @@ fn first_hit(direction_m: vec3<f32>) -> f32 {
             return FAR;
         }
         t = t_exit;
-        // up while the node just entered is a whole new parent
-        level = min(level + 1u, params.top);
+        // up if the line that was crossed bounds the parent, too
+        let line = select(far_line.y, far_line.x, tx <= ty) >> level;
+        level += select(0u, 1u, (line & 1) == 0 && level < params.top);
     }
     return FAR;
 }
@@ -225,13 +238,96 @@ fn vertical_end(ray: Ray) -> f32 {
     return 1e10 / max(abs(ray.direction.z), 1e-30);
 }
 
+/// Largest height under the cells from `low` to `high`, from at most four nodes.
+fn highest(low: vec2<i32>, high: vec2<i32>) -> f32 {
+    let extent = u32(max(high.x - low.x, high.y - low.y));
+    let level = clamp(firstLeadingBit(extent | 1u) + 1u, 1u, params.top);
+    let a = low >> vec2(level);
+    let b = high >> vec2(level);
+    return max(max(bound(level, a, 1.0), bound(level, b, 1.0)),
+               max(bound(level, vec2(a.x, b.y), 1.0), bound(level, vec2(b.x, a.y), 1.0)));
+}
+
+@compute @workgroup_size(8, 8)
+fn coarse(@builtin(global_invocation_id) id: vec3<u32>) {
+    let tiles = (params.camera.viewport + TILE - 1u) / TILE;
+    if any(id.xy >= tiles) {
+        return;
+    }
+    let terrain = params.terrain;
+    // the box of the corner rays' directions holds the directions of all rays between them
+    let first = id.xy * TILE;
+    let last_pixel = min(first + TILE, params.camera.viewport) - 1u;
+    let a = view_ray_of_pixel(params.camera, first);
+    let b = view_ray_of_pixel(params.camera, last_pixel);
+    let c = view_ray_of_pixel(params.camera, vec2(first.x, last_pixel.y));
+    let d = view_ray_of_pixel(params.camera, vec2(last_pixel.x, first.y));
+    let box_low = min(min(a, b), min(c, d));
+    let box_high = max(max(a, b), max(c, d));
+    let scale = vec2(1.0, -1.0) / terrain.cell_m;
+    let low = min(box_low.xy * scale, box_high.xy * scale);
+    let high = max(box_low.xy * scale, box_high.xy * scale);
+
+    let last = vec2<i32>(terrain.size) - 1;
+    let border_low = relative_cells(terrain, vec2(0));
+    let border_high = relative_cells(terrain, last);
+    let summit = relative_height(terrain, bound(params.top, vec2(0), 1.0));
+    let speed = max(max(length(low), length(high)), 1e-6);
+    let width = max(high.x - low.x, high.y - low.y);
+    var t = 0.0;
+    var step = 16.0 / speed;
+    var tries = 0u;
+    loop {
+        // far beyond the border, or above everything and rising: no ray of the bundle comes back
+        let gone = ((low > vec2(0.0)) & (low * t > border_high)) | ((high < vec2(0.0)) & (high * t < border_low));
+        if any(gone) || (box_low.z > 0.0 && box_low.z * t > summit) {
+            t = FAR;
+            break;
+        }
+        if tries == MOST_TRIES {
+            break;
+        }
+        tries += 1u;
+        let next = t + step;
+        // a hundredth of a cell is more than rounding on the largest terrain
+        let from_cell = min(low * t, low * next) + terrain.eye_fraction - 0.01;
+        let to_cell = max(high * t, high * next) + terrain.eye_fraction + 0.01;
+        // far outside, integers would overflow; the border is as good
+        let reach = vec2<f32>(last + abs(terrain.eye_cell) + 2);
+        let from_index = vec2<i32>(floor(clamp(from_cell, -reach, reach))) + terrain.eye_cell;
+        let to_index = vec2<i32>(floor(clamp(to_cell, -reach, reach))) + terrain.eye_cell;
+        let outside = any(to_index < vec2(0)) || any(from_index >= last);
+        let m = highest(clamp(from_index, vec2(0), last - 1), clamp(to_index, vec2(0), last - 1));
+        let lowest = box_low.z * select(next, t, box_low.z > 0.0);
+        if outside || lowest > relative_height(terrain, m) {
+            t = next;
+            step *= 2.0;
+        } else {
+            step *= 0.5;
+            // shorter than the bundle is wide, or than two cells, a step finds out little
+            if step * speed < max(2.0, width * t) {
+                break;
+            }
+        }
+    }
+    clear_until[id.y * tiles.x + id.x] = t;
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.camera.viewport) {
         return;
     }
+    var clear = 0.0;
+    if !UNDERSIDE {
+        let tiles = (params.camera.viewport.x + TILE - 1u) / TILE;
+        clear = start[(id.y / TILE) * tiles + id.x / TILE];
+    }
     let direction_m = view_ray_of_pixel(params.camera, id.xy);
-    let t = first_hit(direction_m);
+    var t = FAR;
+    if clear < FAR {
+        t = first_hit(direction_m, clear);
+    }
     let index = id.y * params.camera.viewport.x + id.x;
     distance[index] = select(t * length(direction_m), NO_SURFACE, t >= FAR);
 }

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
 
-use super::GpuError;
+use super::{GpuError, timing};
 use crate::plan::{Plan, Storage, Work};
 
 /// What a record says about the machine it was made on.
@@ -17,6 +17,7 @@ pub struct AdapterSummary {
     pub subgroup_min_size: u32,
     pub subgroup_max_size: u32,
     pub storage_binding_bytes: u64,
+    /// The adapter has timestamps, and they agree with the clock.
     pub timestamps: bool,
     /// Bounds and loop checks of built-in kernels; a user's kernel always has them.
     pub runtime_checks: String,
@@ -112,7 +113,9 @@ impl Gpu {
                 on_loss(message);
             }
         });
-        Ok(Self { device, queue, summary, limits, failure })
+        let mut gpu = Self { device, queue, summary, limits, failure };
+        gpu.summary.timestamps &= timing::stamps_agree_with_clock(&gpu)?;
+        Ok(gpu)
     }
 
     /// Waits until everything submitted is done.

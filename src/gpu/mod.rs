@@ -2,6 +2,7 @@
 
 pub mod device;
 pub mod execute;
+mod timing;
 
 use thiserror::Error;
 

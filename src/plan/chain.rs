@@ -201,14 +201,10 @@ impl<'a> Chain<'a> {
         self.buffers.iter().filter(|buffer| buffer.storage != Storage::Input).map(|buffer| buffer.name.clone()).collect()
     }
 
-    /// Names of the buffers that the last stage with any buffers makes.
+    /// Names of the buffers that the last step writes: what the chain is for.
     pub fn last_made(&self) -> Vec<String> {
-        let last = self.steps.iter().map(|step| step.stage_index).max();
-        let steps = self.steps.iter().filter(|step| Some(step.stage_index) == last);
-        let mut names: Vec<String> = steps.flat_map(|step| &step.writes).map(|id| self.buffers[id.0].name.clone()).collect();
-        names.sort();
-        names.dedup();
-        names
+        let last = self.steps.last().map_or(&[][..], |step| &step.writes);
+        last.iter().map(|id| self.buffers[id.0].name.clone()).collect()
     }
 
     pub(super) fn into_draft(self) -> Result<Plan, Diagnostic> {

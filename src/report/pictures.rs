@@ -17,7 +17,7 @@ pub fn error_png(width: u32, error_px: &[f32], mixed_up: &[bool], threshold_px: 
         .flat_map(|(&error, &mixed_up)| match (mixed_up, error.is_nan()) {
             (true, _) => [40, 90, 255],
             (false, true) => [70, 74, 80],
-            (false, false) => heat((f64::from(error) / (4.0 * threshold_px)).clamp(0.0, 1.0).sqrt()),
+            (false, false) => heat((f64::from(error) / (4.0 * threshold_px)).clamp(0.0, 1.0)),
         })
         .collect();
     encode(width, &rgb)

@@ -6,7 +6,7 @@ use super::height_pyramid::bounds_layout;
 use super::{EPSILON, Info, Stage, read_params};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
-use crate::kernel::Kernel;
+use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
 use crate::reference::{Buffers, Frame, Values};
 
@@ -26,6 +26,9 @@ pub const INFO: Info = Info {
 #[serde(deny_unknown_fields, default)]
 pub struct RayCast {}
 
+/// Pixels a side of the tiles whose rays are led to the surface together; `TILE` of the kernel.
+const TILE: u32 = 8;
+
 impl Stage for RayCast {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let height = chain.read("height")?;
@@ -36,24 +39,38 @@ impl Stage for RayCast {
             chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
         }
         let layout = bounds_layout(chain.data.terrain.size);
+        let (width, tall) = chain.data.scene.viewport;
+        let tiles = UVec2::new(width.div_ceil(TILE), tall.div_ceil(TILE));
+        let start = chain.make("clear_until", Elem::F32, &[tiles.y, tiles.x], "", "a t all rays of a tile reach without a hit");
         let distance = chain.make_distance();
         let kernel = Kernel::built_in("ray_cast.wgsl")?;
-        let (width, tall) = chain.data.scene.viewport;
         let bilinear = chain.data.scene.surface == Surface::Bilinear;
-        chain
-            .step("cast", &kernel, "main")
-            .bind("height", height)
-            .bind("height_max", highest)
-            .bind("height_min", lowest)
-            .bind("distance", distance)
-            .constant("BILINEAR", f64::from(bilinear))
-            .constant("UNDERSIDE", f64::from(underside))
-            .set_camera()
-            .set_terrain()
-            .set("stride", layout.stride)
-            .set("tall", layout.tall)
-            .set("top", layout.top)
-            .over(UVec2::new(width, tall))
+        for (label, entry, size) in [("coarse", "coarse", tiles), ("cast", "main", UVec2::new(width, tall))] {
+            if entry == "coarse" && underside {
+                // a bundle that may start under the surface is not led past anything
+                continue;
+            }
+            let step = chain
+                .step(label, &kernel, entry)
+                .bind("height_max", highest)
+                .constant("BILINEAR", f64::from(bilinear))
+                .constant("UNDERSIDE", f64::from(underside))
+                .set_camera()
+                .set_terrain()
+                .set("stride", layout.stride)
+                .set("tall", layout.tall)
+                .set("top", layout.top);
+            let step = match entry {
+                "coarse" => step.bind("height_min", lowest).bind("clear_until", start),
+                _ => step
+                    .bind("height", height)
+                    .bind("height_min", lowest)
+                    .bind("start", if underside { height } else { start })
+                    .bind("distance", distance),
+            };
+            step.over(size)?;
+        }
+        Ok(())
     }
 
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
