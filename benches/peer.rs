@@ -23,7 +23,7 @@ struct View {
 
 const VIEWS: [View; 6] = [
     View { name: "puget: lowland to Cascades", dem: "puget_sound_cascades_2049x1025", eye: [60e3, 20e3, 4000.0], target: [120e3, 50e3, 500.0] },
-    View { name: "puget: among peaks", dem: "puget_sound_cascades_2049x1025", eye: [150e3, 40e3, 1900.0], target: [160e3, 50e3, 1500.0] },
+    View { name: "puget: among peaks", dem: "puget_sound_cascades_2049x1025", eye: [150e3, 40e3, 2400.0], target: [160e3, 50e3, 1500.0] },
     View { name: "puget: steep down", dem: "puget_sound_cascades_2049x1025", eye: [140e3, 45e3, 15000.0], target: [146e3, 52e3, 0.0] },
     View { name: "moon: over the massifs", dem: "moon_apennines_4096", eye: [60e3, 120e3, 9000.0], target: [160e3, 240e3, -1000.0] },
     View { name: "moon: mare, low", dem: "moon_apennines_4096", eye: [100e3, 300e3, 500.0], target: [200e3, 350e3, -1500.0] },

@@ -19,17 +19,24 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> height: array<f32>;
+@group(0) @binding(1) var height: texture_2d<f32>;
 @group(0) @binding(2) var<storage, read_write> height_max: array<f32>;
 @group(0) @binding(3) var<storage, read_write> height_min: array<f32>;
 @group(0) @binding(4) var<storage, read_write> height_mean: array<f32>;
+@group(0) @binding(5) var nearest: sampler;
 
 override WRITE_MAX: bool = true;
 override WRITE_MIN: bool = true;
 override WRITE_MEAN: bool = true;
+/// The first dispatch reads samples, the others the level below.
+override FROM_SAMPLES: bool = true;
 
 const LOWEST: f32 = -3.4e38;
 const HIGHEST: f32 = 3.4e38;
+
+fn merge(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
+    return vec2(max(a.x, b.x), min(a.y, b.y));
+}
 
 /// Extremes of a row of four nodes: maxima and minima.
 struct Row {
@@ -37,26 +44,33 @@ struct Row {
     low: vec4<f32>,
 }
 
-/// Samples `first .. first + 9` of a row of samples, as the four pairs of cells they bound. Samples beyond the
-/// border repeat the last one, which belongs to the same cells.
-fn sample_row(first: u32, row: u32) -> Row {
-    let last = params.size - 1u;
-    let start = min(row, last.y) * params.size.x;
-    let end = start + last.x;
-    let i = start + first;
-    let a = height[min(i, end)];
-    let b = height[min(i + 1u, end)];
-    let c = height[min(i + 2u, end)];
-    let d = height[min(i + 3u, end)];
-    let e = height[min(i + 4u, end)];
-    let f = height[min(i + 5u, end)];
-    let g = height[min(i + 6u, end)];
-    let h = height[min(i + 7u, end)];
-    let j = height[min(i + 8u, end)];
-    let even = vec4(a, c, e, g);
-    let odd = vec4(b, d, f, h);
-    let next = vec4(c, e, g, j);
-    return Row(max(max(even, odd), next), min(min(even, odd), next));
+/// Two rows of samples from `first` on, as the pairs of cells between columns: the upper row, and both.
+struct Pair {
+    upper: Row,
+    both: Row,
+}
+
+/// The four samples from (x, y) on: upper left, upper right, lower left, lower right. Beyond the border the
+/// last ones repeat, which bound the same cells.
+fn four_samples(x: u32, y: u32) -> vec4<f32> {
+    let middle = vec2<f32>(vec2(x, y) + 1u) / vec2<f32>(params.size);
+    return textureGather(0, height, nearest, middle).wzxy;
+}
+
+fn sample_rows(x: u32, y: u32) -> Pair {
+    let a = four_samples(x, y);
+    let b = four_samples(x + 2u, y);
+    let c = four_samples(x + 4u, y);
+    let d = four_samples(x + 6u, y);
+    let e = four_samples(x + 8u, y);
+    let upper = widen(vec4(a.x, b.x, c.x, d.x), vec4(a.y, b.y, c.y, d.y), vec4(b.x, c.x, d.x, e.x));
+    let lower = widen(vec4(a.z, b.z, c.z, d.z), vec4(a.w, b.w, c.w, d.w), vec4(b.z, c.z, d.z, e.z));
+    return Pair(upper, merge_rows(upper, lower));
+}
+
+/// Extremes of the three columns of samples that bound each pair of cells.
+fn widen(left: vec4<f32>, middle: vec4<f32>, right: vec4<f32>) -> Row {
+    return Row(max(max(left, middle), right), min(min(left, middle), right));
 }
 
 /// Nodes `first .. first + 8` of a row of the level below, in pairs. Nodes beyond the border repeat the last.
@@ -108,7 +122,7 @@ fn mean_below(at: vec2<u32>) -> vec2<f32> {
     let samples = vec2<f32>(min(params.size - first, vec2(1u << below)));
     let count = samples.x * samples.y;
     if below == 0u {
-        return vec2(height[at.y * params.size.x + at.x], 1.0);
+        return vec2(textureLoad(height, at, 0).x, 1.0);
     }
     let index = pyramid_index(params.mean_stride, params.mean_tall, below, at);
     return vec2(height_mean[index] * count, count);
@@ -120,38 +134,49 @@ fn write_mean(level: u32, at: vec2<u32>, sum: vec2<f32>) {
     }
 }
 
-fn merge(a: vec2<f32>, b: vec2<f32>) -> vec2<f32> {
-    return vec2(max(a.x, b.x), min(a.y, b.y));
-}
-
-/// One row of four nodes of the first level that this dispatch writes.
-fn first_level_row(node: vec2<u32>, row: u32) -> Row {
-    let first = node * 8u + vec2(0u, 2u * row);
-    if params.level == 1u {
-        let border = merge_rows(sample_row(first.x, first.y), sample_row(first.x, first.y + 2u));
-        return merge_rows(border, sample_row(first.x, first.y + 1u));
+/// Writes two rows of the first level and the row of the second above them; returns the extremes of all.
+fn write_rows(node: vec2<u32>, j: u32, north: Row, south: Row) -> vec2<f32> {
+    let at = node * 4u + vec2(0u, 2u * j);
+    for (var i = 0u; i < 4u; i++) {
+        write_bounds(params.level, at + vec2(i, 0u), vec2(north.high[i], north.low[i]));
+        write_bounds(params.level, at + vec2(i, 1u), vec2(south.high[i], south.low[i]));
     }
-    return merge_rows(node_row(first.x, first.y), node_row(first.x, first.y + 1u));
+    let both = merge_rows(north, south);
+    let west = vec2(max(both.high.x, both.high.y), min(both.low.x, both.low.y));
+    let east = vec2(max(both.high.z, both.high.w), min(both.low.z, both.low.w));
+    if params.levels > 1u {
+        write_bounds(params.level + 1u, node * 2u + vec2(0u, j), west);
+        write_bounds(params.level + 1u, node * 2u + vec2(1u, j), east);
+    }
+    return merge(west, east);
 }
 
-fn build_bounds(node: vec2<u32>) {
+/// Levels 1 to 3 from the samples: the row of samples between two nodes belongs to both.
+fn build_from_samples(node: vec2<u32>) {
+    let first = node * 8u;
+    var third = vec2(LOWEST, HIGHEST);
+    var rows = sample_rows(first.x, first.y);
+    for (var j = 0u; j < 2u; j++) {
+        let middle = sample_rows(first.x, first.y + 4u * j + 2u);
+        let north = merge_rows(rows.both, middle.upper);
+        rows = sample_rows(first.x, first.y + 4u * j + 4u);
+        let south = merge_rows(middle.both, rows.upper);
+        third = merge(third, write_rows(node, j, north, south));
+    }
+    if params.levels > 2u {
+        write_bounds(params.level + 2u, node, third);
+    }
+}
+
+/// Three levels from the one below.
+fn build_from_nodes(node: vec2<u32>) {
+    let first = node * 8u;
     var third = vec2(LOWEST, HIGHEST);
     for (var j = 0u; j < 2u; j++) {
-        let north = first_level_row(node, 2u * j);
-        let south = first_level_row(node, 2u * j + 1u);
-        let at = node * 4u + vec2(0u, 2u * j);
-        for (var i = 0u; i < 4u; i++) {
-            write_bounds(params.level, at + vec2(i, 0u), vec2(north.high[i], north.low[i]));
-            write_bounds(params.level, at + vec2(i, 1u), vec2(south.high[i], south.low[i]));
-        }
-        let both = merge_rows(north, south);
-        let west = vec2(max(both.high.x, both.high.y), min(both.low.x, both.low.y));
-        let east = vec2(max(both.high.z, both.high.w), min(both.low.z, both.low.w));
-        if params.levels > 1u {
-            write_bounds(params.level + 1u, node * 2u + vec2(0u, j), west);
-            write_bounds(params.level + 1u, node * 2u + vec2(1u, j), east);
-        }
-        third = merge(third, merge(west, east));
+        let y = first.y + 4u * j;
+        let north = merge_rows(node_row(first.x, y), node_row(first.x, y + 1u));
+        let south = merge_rows(node_row(first.x, y + 2u), node_row(first.x, y + 3u));
+        third = merge(third, write_rows(node, j, north, south));
     }
     if params.levels > 2u {
         write_bounds(params.level + 2u, node, third);
@@ -193,7 +218,11 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // the last column or row of samples can start a node of the means where there are no cells any more
     let has_cells = all((node << vec2(3u)) < level_size(params.size - 1u, params.level - 1u));
     if (WRITE_MAX || WRITE_MIN) && has_cells {
-        build_bounds(node);
+        if FROM_SAMPLES {
+            build_from_samples(node);
+        } else {
+            build_from_nodes(node);
+        }
     }
     if WRITE_MEAN {
         build_mean(node);

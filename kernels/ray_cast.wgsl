@@ -16,13 +16,14 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> height: array<f32>;
+@group(0) @binding(1) var height: texture_2d<f32>;
 @group(0) @binding(2) var<storage, read> height_max: array<f32>;
 @group(0) @binding(3) var<storage, read> height_min: array<f32>;
 @group(0) @binding(4) var<storage, read_write> distance: array<f32>;
 /// For each tile, a t that all its rays reach without a hit; FAR if none of them hits anything.
 @group(0) @binding(5) var<storage, read_write> clear_until: array<f32>;
 @group(0) @binding(6) var<storage, read> start: array<f32>;
+@group(0) @binding(7) var nearest: sampler;
 
 /// The surface in a cell is one bilinear patch instead of two triangles.
 override BILINEAR: bool = false;
@@ -63,9 +64,9 @@ fn in_cell(ray: Ray, t: f32, cell: vec2<i32>) -> vec2<f32> {
 
 /// Heights of a cell's corners: north-west, north-east, south-west, south-east.
 fn corners(cell: vec2<i32>) -> vec4<f32> {
-    let north = u32(cell.y) * params.terrain.size.x + u32(cell.x);
-    let south = north + params.terrain.size.x;
-    return vec4(height[north], height[north + 1u], height[south], height[south + 1u]);
+    // one gather at the point between the four
+    let middle = vec2<f32>(cell + 1) / vec2<f32>(params.terrain.size);
+    return textureGather(0, height, nearest, middle).wzxy;
 }
 
 /// The surface in a cell, both halves of it.

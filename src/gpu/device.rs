@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use serde::{Deserialize, Serialize};
 
 use super::{GpuError, timing};
-use crate::plan::{Plan, Storage, Work};
+use crate::plan::{BufferId, Plan, Storage, Work};
 
 /// What a record says about the machine it was made on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -153,8 +153,13 @@ impl Gpu {
     pub fn check_plan(&self, plan: &Plan) -> Result<(), GpuError> {
         let adapter = || self.summary.name.clone();
         let binding = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
-        for buffer in plan.buffers.iter().filter(|buffer| buffer.lifetime.is_some()) {
-            if buffer.storage != Storage::Target && buffer.bytes() > binding {
+        for (at, buffer) in plan.buffers.iter().enumerate().filter(|(_, buffer)| buffer.lifetime.is_some()) {
+            let (is_array, is_image) = match buffer.storage {
+                Storage::Input => plan.bound_as(BufferId(at)),
+                Storage::Buffer => (true, false),
+                Storage::Target => (false, true),
+            };
+            if is_array && buffer.bytes() > binding {
                 return Err(GpuError::BufferTooLarge {
                     buffer: buffer.name.clone(),
                     needed: crate::plan::megabytes(buffer.bytes()),
@@ -163,9 +168,9 @@ impl Gpu {
                 });
             }
             let side = buffer.dims.iter().copied().max().unwrap_or(0);
-            if buffer.storage == Storage::Target && side > self.limits.max_texture_dimension_2d {
+            if is_image && side > self.limits.max_texture_dimension_2d {
                 let limit = self.limits.max_texture_dimension_2d.into();
-                return Err(GpuError::Limit { what: format!("a side of the render target `{}`", buffer.name), needed: side.into(), adapter: adapter(), limit });
+                return Err(GpuError::Limit { what: format!("a side of the image `{}`", buffer.name), needed: side.into(), adapter: adapter(), limit });
             }
         }
         for step in &plan.steps {

@@ -30,6 +30,7 @@ pub struct Executor<'a> {
     buffers: Vec<Option<Place>>,
     steps: Vec<Prepared>,
     stamps: Option<Stamps>,
+    nearest: wgpu::Sampler,
     /// Time it took to make buffers and pipelines and to upload the terrain.
     pub prepare_ms: f64,
 }
@@ -38,6 +39,26 @@ pub struct Executor<'a> {
 enum Place {
     Buffer(wgpu::Buffer),
     Target { texture: wgpu::Texture, view: wgpu::TextureView, depth: wgpu::TextureView },
+    /// The terrain, in the forms its kernels bind it.
+    Input { array: Option<wgpu::Buffer>, image: Option<(wgpu::Texture, wgpu::TextureView)> },
+}
+
+impl Place {
+    fn array(&self) -> Option<&wgpu::Buffer> {
+        match self {
+            Place::Buffer(buffer) => Some(buffer),
+            Place::Input { array, .. } => array.as_ref(),
+            Place::Target { .. } => None,
+        }
+    }
+
+    fn image(&self) -> Option<&wgpu::TextureView> {
+        match self {
+            Place::Target { view, .. } => Some(view),
+            Place::Input { image, .. } => image.as_ref().map(|(_, view)| view),
+            Place::Buffer(_) => None,
+        }
+    }
 }
 
 struct Prepared {
@@ -66,12 +87,10 @@ impl<'a> Executor<'a> {
         gpu.check_plan(plan)?;
         let start = Instant::now();
         let buffers = make_buffers(gpu, plan)?;
-        for (buffer, place) in plan.buffers.iter().zip(&buffers) {
-            if let (Storage::Input, Some(Place::Buffer(place))) = (buffer.storage, place) {
-                gpu.queue.write_buffer(place, 0, bytemuck::cast_slice(&data.terrain.heights_m));
-            }
-        }
-        let mut executor = Self { gpu, plan, buffers, steps: Vec::new(), stamps: None, prepare_ms: 0.0 };
+        buffers.iter().flatten().for_each(|place| upload(gpu, place, bytemuck::cast_slice(&data.terrain.heights_m)));
+        // the default is nearest and clamped to the edge
+        let nearest = gpu.device.create_sampler(&wgpu::SamplerDescriptor::default());
+        let mut executor = Self { gpu, plan, buffers, steps: Vec::new(), stamps: None, nearest, prepare_ms: 0.0 };
         let mut modules = BTreeMap::new();
         let spare = make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?;
         for step in &plan.steps {
@@ -153,7 +172,7 @@ impl<'a> Executor<'a> {
                 match work {
                     Work::Groups([x, y, z]) => pass.dispatch_workgroups(*x, *y, *z),
                     Work::Indirect(id) => {
-                        if let Some(Place::Buffer(buffer)) = &self.buffers[id.0] {
+                        if let Some(buffer) = self.buffers[id.0].as_ref().and_then(Place::array) {
                             pass.dispatch_workgroups_indirect(buffer, 0);
                         }
                     }
@@ -217,20 +236,21 @@ impl<'a> Executor<'a> {
         let device = &self.gpu.device;
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-        let staging = match &self.buffers[id.0] {
-            Some(Place::Buffer(source)) => {
+        let place = self.buffers[id.0].as_ref();
+        let staging = match (place, place.and_then(Place::array)) {
+            (_, Some(source)) => {
                 let staging = make_buffer(self.gpu, &buffer.name, size, usage)?;
                 encoder.copy_buffer_to_buffer(source, 0, &staging, 0, size);
                 staging
             }
-            Some(Place::Target { texture, .. }) => {
+            (Some(Place::Target { texture, .. }), None) => {
                 let row = (texture.width() * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
                 let staging = make_buffer(self.gpu, &buffer.name, u64::from(row) * u64::from(texture.height()), usage)?;
                 let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
                 encoder.copy_texture_to_buffer(texture.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &staging, layout }, texture.size());
                 staging
             }
-            None => return Ok(Vec::new()),
+            _ => return Ok(Vec::new()),
         };
         self.gpu.queue.submit([encoder.finish()]);
         let mut bytes = self.map(&staging)?;
@@ -373,22 +393,42 @@ impl<'a> Executor<'a> {
                     has_dynamic_offset: false,
                     min_binding_size: None,
                 };
-                let Some(Place::Buffer(buffer)) = place else { return Ok((ty, spare.as_entire_binding())) };
+                let Some(buffer) = place.and_then(Place::array) else { return Ok((ty, spare.as_entire_binding())) };
                 // a block can be larger than its tenant, whose size is what arrayLength() has to say
                 let bytes = step.bindings.iter().find(|(variable, _)| variable == name).map_or(0, |(_, id)| self.plan.buffer(*id).bytes());
                 let size = std::num::NonZeroU64::new(bytes);
                 Ok((ty, wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })))
             }
-            (BindingKind::Target, Some(Place::Target { view, .. }), _) => {
+            (BindingKind::Image { float }, Some(place), _) => {
                 let ty = wgpu::BindingType::Texture {
-                    sample_type: wgpu::TextureSampleType::Uint,
+                    sample_type: if *float { wgpu::TextureSampleType::Float { filterable: false } } else { wgpu::TextureSampleType::Uint },
                     view_dimension: wgpu::TextureViewDimension::D2,
                     multisampled: false,
                 };
+                let view = place.image().ok_or_else(|| unbound(step, name))?;
                 Ok((ty, wgpu::BindingResource::TextureView(view)))
             }
-            _ => Err(GpuError::Refused { what: format!("the binding `{name}` of `{}`", step.label), why: "it is bound to nothing".into() }),
+            (BindingKind::Sampler, _, _) => {
+                let ty = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering);
+                Ok((ty, wgpu::BindingResource::Sampler(&self.nearest)))
+            }
+            _ => Err(unbound(step, name)),
         }
+    }
+}
+
+fn unbound(step: &Step, name: &str) -> GpuError {
+    GpuError::Refused { what: format!("the binding `{name}` of `{}`", step.label), why: "it is bound to nothing".into() }
+}
+
+fn upload(gpu: &Gpu, place: &Place, bytes: &[u8]) {
+    let Place::Input { array, image } = place else { return };
+    if let Some(array) = array {
+        gpu.queue.write_buffer(array, 0, bytes);
+    }
+    if let Some((texture, _)) = image {
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * texture.width()), rows_per_image: None };
+        gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, texture.size());
     }
 }
 
@@ -456,13 +496,19 @@ fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> 
     let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST | Usage::INDIRECT;
     let slots = plan.slots.iter().enumerate().map(|(at, &bytes)| make_buffer(gpu, &format!("block {at}"), bytes, usage));
     let slots: Vec<wgpu::Buffer> = slots.collect::<Result<_, _>>()?;
-    let place = |buffer: &crate::plan::Buffer| match (buffer.lifetime, buffer.storage, buffer.slot) {
+    let place = |(at, buffer): (usize, &crate::plan::Buffer)| match (buffer.lifetime, buffer.storage, buffer.slot) {
         (None, _, _) => Ok(None),
+        (_, Storage::Input, _) => {
+            let (is_array, is_image) = plan.bound_as(BufferId(at));
+            let array = is_array.then(|| make_buffer(gpu, &buffer.name, buffer.bytes(), usage)).transpose()?;
+            let image = is_image.then(|| make_image(gpu, &buffer.name, buffer.dims[1], buffer.dims[0])).transpose()?;
+            Ok(Some(Place::Input { array, image }))
+        }
         (_, Storage::Target, _) => make_target(gpu, &buffer.name, buffer.dims[1], buffer.dims[0]).map(Some),
         (_, _, Some(slot)) => Ok(Some(Place::Buffer(slots[slot].clone()))),
         _ => make_buffer(gpu, &buffer.name, buffer.bytes(), usage).map(Place::Buffer).map(Some),
     };
-    plan.buffers.iter().map(place).collect()
+    plan.buffers.iter().enumerate().map(place).collect()
 }
 
 fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
@@ -470,20 +516,31 @@ fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages) -> 
     gpu.scoped(&format!("the buffer `{name}`"), || gpu.device.create_buffer(&descriptor))
 }
 
+fn make_texture(gpu: &Gpu, name: &str, (width, height): (u32, u32), format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(name),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+fn make_image(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<(wgpu::Texture, wgpu::TextureView), GpuError> {
+    use wgpu::TextureUsages as Usage;
+    gpu.scoped(&format!("the image `{name}`"), || {
+        let texture = make_texture(gpu, name, (width, height), wgpu::TextureFormat::R32Float, Usage::TEXTURE_BINDING | Usage::COPY_DST);
+        let view = texture.create_view(&Default::default());
+        (texture, view)
+    })
+}
+
 fn make_target(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<Place, GpuError> {
     use wgpu::TextureUsages as Usage;
-    let texture = |format, usage| {
-        gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some(name),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage,
-            view_formats: &[],
-        })
-    };
+    let texture = |format, usage| make_texture(gpu, name, (width, height), format, usage);
     gpu.scoped(&format!("the render target `{name}`"), || {
         let colour = texture(COLOUR, Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC);
         let depth = texture(DEPTH, Usage::RENDER_ATTACHMENT);

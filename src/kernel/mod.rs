@@ -56,6 +56,12 @@ impl Kernel {
         })
     }
 
+    /// What a variable is bound to, in any of the entry points.
+    pub fn binding(&self, variable: &str) -> Option<&BindingKind> {
+        let mut bindings = self.entries.iter().flat_map(|entry| &entry.bindings);
+        bindings.find(|binding| binding.name == variable).map(|binding| &binding.kind)
+    }
+
     /// Identity of the text that runs.
     pub fn hash(&self) -> String {
         blake3::hash(self.assembled.text.as_bytes()).to_hex().as_str()[..16].to_string()

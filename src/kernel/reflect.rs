@@ -78,8 +78,11 @@ pub enum BindingKind {
     Params(Structure),
     /// `var<storage, read>` or `read_write` of an array.
     Storage { elem: Elem, written: bool },
-    /// `texture_2d<u32>`: a render target read back by a kernel.
-    Target,
+    /// `texture_2d<f32>`: the terrain as an image, which many adapters read faster than an array.
+    /// `texture_2d<u32>`: a render target.
+    Image { float: bool },
+    /// `sampler`: nearest, clamped to the edge; for `textureGather`.
+    Sampler,
 }
 
 /// A uniform structure; nested ones are flattened to dotted names (`camera.corner_hi`).
@@ -172,8 +175,13 @@ fn binding(
                 None => return refuse("is an array of a type that no buffer has: f32, u32, i32, vec2 and vec4 of them"),
             }
         }
-        (AddressSpace::Handle, TypeInner::Image { .. }) => BindingKind::Target,
-        _ => return refuse("is neither a storage array nor a uniform structure"),
+        (AddressSpace::Handle, TypeInner::Sampler { comparison: false }) => BindingKind::Sampler,
+        (AddressSpace::Handle, TypeInner::Image { class: naga::ImageClass::Sampled { kind, multi: false }, .. })
+            if matches!(kind, ScalarKind::Float | ScalarKind::Uint) =>
+        {
+            BindingKind::Image { float: *kind == ScalarKind::Float }
+        }
+        _ => return refuse("is no storage array, no uniform structure and no texture_2d of f32 or u32"),
     };
     Ok(Binding { name, binding: place.binding, kind, origin })
 }

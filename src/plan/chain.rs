@@ -329,6 +329,7 @@ impl StepBuilder<'_, '_> {
             let buffer = bound.chain(optional).find(|(name, _)| **name == binding.name).map(|(_, id)| id);
             match (&binding.kind, buffer) {
                 (BindingKind::Params(structure), _) => self.check_params(structure)?,
+                (BindingKind::Sampler, _) => {}
                 (_, None) => {
                     return Err(self.mistake(format!("`{}` is not bound to a buffer", binding.name), &binding.origin));
                 }
@@ -343,7 +344,16 @@ impl StepBuilder<'_, '_> {
                     }
                     if *written { writes.push(id) } else { reads.push(id) }
                 }
-                (BindingKind::Target, Some(id)) => reads.push(id),
+                (BindingKind::Image { float }, Some(id)) => {
+                    let buffer = self.chain.buffer(id);
+                    let storage = if *float { Storage::Input } else { Storage::Target };
+                    if buffer.storage != storage {
+                        let what = if *float { "the terrain" } else { "a render target" };
+                        let message = format!("`{}` is an image of {what}, which the buffer `{}` is not", binding.name, buffer.name);
+                        return Err(self.mistake(message, &binding.origin));
+                    }
+                    reads.push(id);
+                }
             }
         }
         if let Some(&id) = writes.iter().find(|&id| self.chain.buffer(*id).storage == Storage::Input || reads.contains(id)) {

@@ -11,7 +11,7 @@ mod prune;
 use std::sync::Arc;
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::{BindingKind, Elem, Kernel};
 
 pub use chain::{Chain, SceneData};
 pub use explain::{explain, megabytes};
@@ -198,6 +198,22 @@ impl Plan {
 
     pub fn buffer(&self, id: BufferId) -> &Buffer {
         &self.buffers[id.0]
+    }
+
+    /// Whether a buffer is bound as an array, and whether it is as an image.
+    pub fn bound_as(&self, id: BufferId) -> (bool, bool) {
+        let kinds = self.steps.iter().flat_map(|step| {
+            let variables = step.bindings.iter().filter(move |(_, bound)| *bound == id).map(|(variable, _)| variable);
+            variables.filter_map(|variable| step.kernel.binding(variable))
+        });
+        let (mut array, mut image) = (self.outputs.contains(&id), false);
+        for kind in kinds {
+            match kind {
+                BindingKind::Image { .. } => image = true,
+                _ => array = true,
+            }
+        }
+        (array, image)
     }
 
     /// Whether a buffer has memory: something that is left writes or reads it.

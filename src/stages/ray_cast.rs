@@ -65,7 +65,7 @@ impl Stage for RayCast {
                 _ => step
                     .bind("height", height)
                     .bind("height_min", lowest)
-                    .bind("start", if underside { height } else { start })
+                    .bind("start", if underside { highest } else { start })
                     .bind("distance", distance),
             };
             step.over(size)?;
