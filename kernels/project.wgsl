@@ -28,6 +28,8 @@ struct Params {
 
 /// Sample the finest level only.
 override FINEST: bool = false;
+/// The surface between samples is bilinear patches and not triangles.
+override BILINEAR: bool = false;
 /// Blend the two levels around the wanted one instead of taking the finer.
 override BLEND: bool = true;
 
@@ -47,7 +49,7 @@ fn sample(level: u32, at: vec2<i32>) -> f32 {
     return height_mean[pyramid_index(params.stride, params.tall, level, vec2<u32>(at))];
 }
 
-/// Bilinear between the nodes of a level; `cells` are relative sample coordinates. A node stands in the middle
+/// The surface at level 0, bilinear between the nodes of the others; `cells` are relative sample coordinates. A node stands in the middle
 /// of its samples; beyond the outermost nodes the height stays as it is there.
 fn height_at(level: u32, cells: vec2<f32>) -> f32 {
     let scale = 1.0 / f32(1u << level);
@@ -65,9 +67,17 @@ fn height_at(level: u32, cells: vec2<f32>) -> f32 {
     let low = node + carry;
     let a = clamp(low, vec2(0), last);
     let b = clamp(low + 1, vec2(0), last);
-    let north = mix(sample(level, a), sample(level, vec2(b.x, a.y)), w.x);
-    let south = mix(sample(level, vec2(a.x, b.y)), sample(level, b), w.x);
-    return mix(north, south, w.y);
+    let nw = sample(level, a);
+    let ne = sample(level, vec2(b.x, a.y));
+    let sw = sample(level, vec2(a.x, b.y));
+    let se = sample(level, b);
+    if level == 0u && !BILINEAR {
+        // the surface itself: two triangles, the diagonal from north-east to south-west
+        let north_west = nw + (ne - nw) * w.x + (sw - nw) * w.y;
+        let south_east = se + (sw - se) * (1.0 - w.x) + (ne - se) * (1.0 - w.y);
+        return select(south_east, north_west, w.x + w.y <= 1.0);
+    }
+    return mix(mix(nw, ne, w.x), mix(sw, se, w.x), w.y);
 }
 
 /// Distance to the farthest grid neighbour on the base plane, in cells.

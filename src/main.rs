@@ -222,7 +222,7 @@ fn show_devices() -> Result<(), Diagnostic> {
         println!("  driver           {}", adapter.driver);
         println!("  subgroup size    {} to {}", adapter.subgroup_min_size, adapter.subgroup_max_size);
         println!("  storage binding  {}", lodlab::plan::megabytes(adapter.storage_binding_bytes));
-        println!("  timestamps       {}", if adapter.timestamps { "yes" } else { "no" });
+        println!("  timestamps       {}", if adapter.timestamps { "yes, if they agree with the clock" } else { "none to be believed: times are wall times" });
     }
     Ok(())
 }

@@ -134,6 +134,10 @@ impl<'a> Executor<'a> {
         Ok(SubmissionTime { wall_ms: steps.iter().filter_map(|time| time.ms).sum(), gpu_ms: None, steps })
     }
 
+    pub fn believes_stamps(&self) -> bool {
+        self.stamps.is_some()
+    }
+
     fn chosen(&self, often: Often) -> Vec<usize> {
         (0..self.plan.steps.len()).filter(|&at| self.plan.steps[at].often == often).collect()
     }

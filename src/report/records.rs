@@ -65,7 +65,9 @@ pub struct KernelTime {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Timings {
-    /// GPU time of a frame, milliseconds.
+    /// "timestamps" of the GPU, or the "clock" with a submission for each step where those are not to be believed.
+    pub kernels_by: String,
+    /// GPU time of a frame, milliseconds; `None` without timestamps to believe.
     pub frame_gpu_ms: Option<Spread>,
     /// Wall time of a frame, milliseconds.
     pub frame_wall_ms: Option<Spread>,

@@ -31,7 +31,7 @@ pub fn rows(records: &[Record]) -> Vec<Vec<String>> {
 
 pub fn table(records: &[Record]) -> String {
     let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header(HEADER);
+    table.load_preset(presets::ASCII_MARKDOWN).set_header(HEADER);
     table.add_rows(rows(records));
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);

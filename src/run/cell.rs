@@ -55,11 +55,14 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Results, 
             times.push(executor.frame(frame)?);
         }
     }
-    let timings = timings(plan, &executor, &once, &times);
     let mut warnings = Vec::new();
-    if timings.frame_gpu_ms.is_none() {
-        warnings.push("the adapter's timestamps are missing or contradict the clock; wall time is reported".to_string());
-    }
+    let timings = if gpu.summary.timestamps {
+        timings(plan, &executor, &once, &times, &times)
+    } else {
+        warnings.push("timestamps are missing or contradict the clock: times are wall times".to_string());
+        let steps: Vec<SubmissionTime> = (0..plan.frames).map(|frame| executor.frame_by_steps(frame)).collect::<Result<_, _>>()?;
+        timings(plan, &executor, &executor.setup_by_steps()?, &times, &steps)
+    };
     let (measures, buffers) = tally.finish();
     Ok(Results { measures, timings, buffers, warnings })
 }
@@ -185,7 +188,14 @@ impl<'c, 'a> Tally<'c, 'a> {
     }
 }
 
-fn timings(plan: &Plan, executor: &Executor, once: &SubmissionTime, frames: &[SubmissionTime]) -> Timings {
+/// `frames` are whole submissions; `by_steps` say what each step took in them, or by itself.
+fn timings(
+    plan: &Plan,
+    executor: &Executor,
+    once: &SubmissionTime,
+    frames: &[SubmissionTime],
+    by_steps: &[SubmissionTime],
+) -> Timings {
     // one invalid stamp makes the whole step "not measured": a median of the rest would flatter it
     let all = |samples: Vec<Option<f64>>| samples.into_iter().collect::<Option<Vec<f64>>>().and_then(time::spread);
     let of_step = |at: usize, submissions: &[SubmissionTime]| {
@@ -198,18 +208,19 @@ fn timings(plan: &Plan, executor: &Executor, once: &SubmissionTime, frames: &[Su
         .enumerate()
         .map(|(at, step)| {
             let is_once = step.often == Often::Once;
-            let submissions = if is_once { std::slice::from_ref(once) } else { frames };
+            let submissions = if is_once { std::slice::from_ref(once) } else { by_steps };
             KernelTime { stage: step.stage.clone(), step: step.label.clone(), once: is_once, ms: of_step(at, submissions) }
         })
         .collect();
-    let outside = |submission: &SubmissionTime| {
-        let inside: Option<f64> = submission.steps.iter().map(|time| time.ms).sum();
-        inside.map(|inside| 1.0 - inside / submission.wall_ms)
-    };
+    let inside = |submission: &SubmissionTime| submission.steps.iter().map(|time| time.ms).sum::<Option<f64>>();
+    let inside_ms = all(by_steps.iter().map(inside).collect()).map(|spread| spread.median);
+    let frame_wall_ms = time::spread(frames.iter().map(|submission| submission.wall_ms).collect());
+    let outside = inside_ms.zip(frame_wall_ms.as_ref()).map(|(inside, wall)| (1.0 - inside / wall.median).max(0.0));
     Timings {
+        kernels_by: if executor.believes_stamps() { "timestamps" } else { "clock" }.into(),
         frame_gpu_ms: all(frames.iter().map(|submission| submission.gpu_ms).collect()),
-        frame_wall_ms: time::spread(frames.iter().map(|submission| submission.wall_ms).collect()),
-        outside_kernels: all(frames.iter().map(outside).collect()).map(|spread| spread.median),
+        frame_wall_ms,
+        outside_kernels: outside,
         once_ms: once.wall_ms,
         prepare_ms: executor.prepare_ms,
         kernels,

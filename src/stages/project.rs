@@ -5,6 +5,7 @@ use super::height_pyramid::Layout;
 use super::projector::Projector;
 use super::{EPSILON, Info, Stage, read_params};
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
 use crate::reference::{Buffers, Frame, Values};
@@ -68,6 +69,7 @@ impl Stage for Project {
         let projectors: Vec<Projector> =
             chain.data.cameras.iter().map(|camera| Projector::new(chain.data, camera)).collect();
         let vectors = |pick: fn(&Projector) -> DVec3| projectors.iter().map(move |p| pick(p).as_vec3().to_array());
+        let bilinear = chain.data.scene.surface == Surface::Bilinear;
         chain
             .step("project", &kernel, "main")
             .bind("grid_point", points)
@@ -75,6 +77,7 @@ impl Stage for Project {
             .bind("height_mean", mean)
             .bind("vertex", vertices)
             .constant("FINEST", f64::from(finest))
+            .constant("BILINEAR", f64::from(bilinear))
             .constant("BLEND", f64::from(self.filter == Filter::Trilinear))
             .set_terrain()
             .set("grid", [columns, rows])
@@ -133,7 +136,7 @@ impl Project {
         let sample = terrain.sample_from_world(here + eye_m.truncate()).clamp(DVec2::ZERO, last);
         let off_cells = off_m / terrain.cell_m.min_element() + 8.0 * EPSILON * last.max_element();
         let layout = Layout::new(terrain.size);
-        let field = Pyramid { buffers, size: terrain.size, layout, range_m: frame.data.range_m };
+        let field = Pyramid { buffers, size: terrain.size, layout, range_m: frame.data.range_m, surface: frame.data.scene.surface };
         if self.finest(frame.data.is_flat()) {
             let (height_m, bound) = field.height(0, sample, off_cells);
             return [(here.x, off_m), (here.y, off_m), (height_m - eye_m.z, bound), (0.0, 0.0)];
@@ -161,12 +164,13 @@ impl Project {
     }
 }
 
-/// Bilinear sampling of the mean pyramid, in f64.
+/// The surface and, above it, bilinear sampling of the mean pyramid, in f64.
 struct Pyramid<'a> {
     buffers: &'a Buffers,
     size: UVec2,
     layout: Layout,
     range_m: (f64, f64),
+    surface: Surface,
 }
 
 impl Pyramid<'_> {
@@ -188,7 +192,11 @@ impl Pyramid<'_> {
         let w = place - low;
         let node = |dx: f64, dy: f64| self.node(level, low.x + dx, low.y + dy);
         let (nw, ne, sw, se) = (node(0.0, 0.0), node(1.0, 0.0), node(0.0, 1.0), node(1.0, 1.0));
-        let height = (nw * (1.0 - w.x) + ne * w.x) * (1.0 - w.y) + (sw * (1.0 - w.x) + se * w.x) * w.y;
+        let height = match (level, self.surface) {
+            (0, Surface::Triangles) if w.x + w.y <= 1.0 => nw + (ne - nw) * w.x + (sw - nw) * w.y,
+            (0, Surface::Triangles) => se + (sw - se) * (1.0 - w.x) + (ne - se) * (1.0 - w.y),
+            _ => (nw * (1.0 - w.x) + ne * w.x) * (1.0 - w.y) + (sw * (1.0 - w.x) + se * w.x) * w.y,
+        };
         // a place that is off by `off` meets the steepest slope around, neighbours of the cell included
         let around = (-1..=2).flat_map(|dy| (-1..=2).map(move |dx| (f64::from(dx), f64::from(dy))));
         let heights = around.map(|(dx, dy)| node(dx, dy));

@@ -76,6 +76,10 @@ impl Stage for Rasterize {
     }
 }
 
+/// How far the rasterizer may move an edge: it snaps corners to a grid of at least 1/16 of a pixel (Vulkan's
+/// smallest `subPixelPrecisionBits` is 4), so a corner moves by up to half the diagonal of that.
+const SNAP_PX: f64 = 0.7072 / 16.0;
+
 struct Mesh {
     triangles: Vec<[DVec3; 3]>,
     /// Bound of each triangle's corners, metres.
@@ -106,7 +110,7 @@ impl Mesh {
         let [right, down, corner] = camera.pixel_basis();
         let ray = corner + right * pixel.x + down * pixel.y;
         let (mut value, mut bound) = (f64::INFINITY, f64::MIN_POSITIVE);
-        // hits that the rasterizer may or may not see: it snaps corners to 1/256 of a pixel
+        // hits that the rasterizer may or may not see
         let mut doubtful: Vec<(f64, f64)> = Vec::new();
         for (triangle, &bound_m) in self.triangles.iter().zip(&self.bounds_m) {
             let [a, b, c] = *triangle;
@@ -116,7 +120,7 @@ impl Mesh {
                 volume.signum() * edge.dot(ray) / pixels.max(1e-300)
             });
             let margin = inside.into_iter().fold(f64::MAX, f64::min);
-            let slack = 1.0 / 128.0 + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
+            let slack = SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
             if margin < -slack {
                 continue;
             }
@@ -131,11 +135,14 @@ impl Mesh {
             let spread = (b - a).length() * (c - a).length();
             let reach = a.length().max(b.length()).max(c.length());
             let off = length * (16.0 * EPSILON * reach * spread + bound_m * normal.length()) / steep.abs() + 4.0 * EPSILON * t * length;
+            // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
+            let along = normal.length() * length / steep.abs();
+            let border_off = off + SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);
             let border = border_margin_m(frame, ray * t);
-            if border < -off {
+            if border < -border_off {
                 continue;
             }
-            if margin < slack || border < off + 1e-4 * (1.0 + reach) {
+            if margin < slack || border < border_off {
                 doubtful.push((t * length, off));
             } else if t * length < value {
                 (value, bound) = (t * length, off);

@@ -43,6 +43,11 @@ impl Shade {
     }
 }
 
+/// A flat terrain has one colour, not a division by zero.
+fn height_range_m(low: f64, high: f64) -> f64 {
+    if high > low { high - low } else { 1.0 }
+}
+
 fn sun_direction(light: &Light) -> DVec3 {
     let (azimuth, elevation) = (light.azimuth_deg.to_radians(), light.elevation_deg.to_radians());
     DVec3::new(azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin())
@@ -77,7 +82,7 @@ impl Stage for Shade {
             .set("sun", sun_direction(&light).as_vec3().to_array())
             .set("ambient", light.ambient as f32)
             .set_per_frame("low_m", |camera| (low - camera.eye_m.z) as f32)
-            .set("range_m", (high - low).max(1e-6) as f32)
+            .set("range_m", height_range_m(low, high) as f32)
             .over(UVec2::new(width, tall))
     }
 
@@ -128,7 +133,7 @@ impl Shade {
         let (low, high) = frame.data.range_m;
         let mut colour = DVec3::splat(0.75);
         if self.tint {
-            colour = tint((world.z - low) / (high - low).max(1e-6));
+            colour = tint((world.z - low) / height_range_m(low, high));
         }
         if self.needs_sun(light) {
             let lit = normal(frame, world.truncate()).dot(sun_direction(light)).max(0.0);
