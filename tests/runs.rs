@@ -1,0 +1,181 @@
+//! Runs as a user makes them: records, resuming after a kill, repeatability, kernels of one's own.
+
+mod common;
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use common::{errors, lodlab, measure, records, run, succeeded};
+
+const SWEEP: &str = r#"
+Experiment(
+    title: "a sweep to be killed",
+    scene: (
+        terrain: Noise(kind: Fbm, size: (129, 129), wavelength_m: 1500),
+        camera: Still(frames: 6, eye: (1900, 100, 900), look_at: (1900, 3000, 300)),
+        viewport: (200, 150),
+    ),
+    chains: {"grid": [HeightPyramid, ViewGrid, Project, Rasterize, Shade]},
+    sweep: {"*.ViewGrid.size": [(8, 8), (16, 16), (32, 32), (64, 64), (96, 96), (128, 128)]},
+    measure: [ScreenError, Image, Mesh, Time],
+)"#;
+
+/// What does not depend on the clock.
+fn timeless(folder: &Path) -> Vec<serde_json::Value> {
+    let strip = |mut record: serde_json::Value| {
+        record.as_object_mut().unwrap().remove("timings");
+        record
+    };
+    records(folder).into_iter().map(strip).collect()
+}
+
+#[test]
+fn a_killed_sweep_goes_on_where_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("sweep.ron"), SWEEP).unwrap();
+    let cells = folder.path().join("killed/cells");
+    let finished = || std::fs::read_dir(&cells).map_or(0, |entries| {
+        entries.flatten().filter(|entry| entry.path().extension().is_some_and(|kind| kind == "json")).count()
+    });
+    let mut child = lodlab(folder.path()).args(["run", "sweep.ron", "--out", "killed"]).spawn().unwrap();
+    let start = Instant::now();
+    while finished() < 2 && start.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    // kill(2) with SIGKILL: nothing in the program gets a chance to tidy up
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let before = finished();
+    assert!((2..6).contains(&before), "killed after {before} of 6 cells");
+
+    let resumed = run(folder.path(), &["run", "sweep.ron", "--out", "killed"]);
+    succeeded(&resumed);
+    let text = String::from_utf8_lossy(&resumed.stdout).to_string();
+    assert_eq!(text.lines().filter(|line| line.starts_with("run ")).count(), 6 - before, "{text}");
+
+    succeeded(&run(folder.path(), &["run", "sweep.ron", "--out", "undisturbed"]));
+    assert_eq!(timeless(&folder.path().join("killed")), timeless(&folder.path().join("undisturbed")));
+}
+
+#[test]
+fn two_runs_give_the_same_bits_and_a_changed_kernel_is_the_reason_to_run_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let experiments = Path::new(common::ROOT).join("experiments");
+    for name in ["custom_kernel.ron", "kernels/curvature.wgsl", "kernels/smooth.wgsl", "dem/jacksboro_403x344.png"] {
+        let to = folder.path().join(name);
+        std::fs::create_dir_all(to.parent().unwrap()).unwrap();
+        std::fs::copy(experiments.join(name), to).unwrap();
+    }
+    let arguments = ["run", "custom_kernel.ron", "--out", "out"];
+    succeeded(&run(folder.path(), &arguments));
+    let first = timeless(&folder.path().join("out"));
+    succeeded(&run(folder.path(), &[&arguments[..], &["--force"]].concat()));
+    assert_eq!(first, timeless(&folder.path().join("out")));
+    assert!(first[0]["buffers"][0][1].as_str().is_some_and(|hash| hash.len() == 32));
+
+    let again = run(folder.path(), &arguments);
+    assert!(String::from_utf8_lossy(&again.stdout).contains("0 cells run, 2 finished before"));
+
+    let kernel = folder.path().join("kernels/curvature.wgsl");
+    let text = std::fs::read_to_string(&kernel).unwrap();
+    std::fs::write(&kernel, text.replace("2.0 * src[at]", "2.5 * src[at]")).unwrap();
+    let changed = run(folder.path(), &arguments);
+    let text = String::from_utf8_lossy(&changed.stdout).to_string();
+    assert!(text.contains("changed: kernel curvature.wgsl"), "{text}");
+
+    // an error planted in it is reported at its line
+    let text = std::fs::read_to_string(&kernel).unwrap();
+    let line = text.lines().position(|line| line.contains("let across")).unwrap() + 1;
+    std::fs::write(&kernel, text.replace("let across = ", "let across = not_a_name + ")).unwrap();
+    let broken = run(folder.path(), &arguments);
+    assert_eq!(broken.status.code(), Some(2));
+    let message = errors(&broken);
+    assert!(message.contains("not_a_name") && message.contains(&format!("kernels/curvature.wgsl:{line}:")), "{message}");
+    // what was computed before is still there
+    assert_eq!(records(&folder.path().join("out")).len(), 2);
+}
+
+/// `--dump` of a user's kernel against the same formula in f64.
+#[test]
+fn a_dumped_curvature_is_right() {
+    let out = tempfile::tempdir().unwrap();
+    let out_text = out.path().display().to_string();
+    let experiment = format!("{}/experiments/custom_kernel.ron", common::ROOT);
+    succeeded(&run(out.path(), &["run", &experiment, "--out", &out_text, "--frames", "1", "--dump", "curvature"]));
+    let record = records(out.path()).into_iter().find(|record| record["chain"] == "plain").unwrap();
+    let file = out.path().join(format!("dumps/{}/curvature_0000.npy", record["hash"].as_str().unwrap()));
+    let npy = npyz::NpyFile::new(std::fs::File::open(file).unwrap()).unwrap();
+    assert_eq!(npy.shape(), [344, 403]);
+    let ours: Vec<f32> = npy.into_vec().unwrap();
+
+    let image = image::open(format!("{}/experiments/dem/jacksboro_403x344.png", common::ROOT)).unwrap().into_luma16();
+    let height = |x: u32, y: u32| 236.0 + f64::from(image.get_pixel(x, y).0[0]);
+    let (dx, dy) = (74.48435336104538f64, 92.61f64);
+    for y in 0..344 {
+        for x in 0..403 {
+            let inside = x > 0 && y > 0 && x < 402 && y < 343;
+            let expected = if inside {
+                (height(x - 1, y) - 2.0 * height(x, y) + height(x + 1, y)) / (dx * dx)
+                    + (height(x, y - 1) - 2.0 * height(x, y) + height(x, y + 1)) / (dy * dy)
+            } else {
+                0.0
+            };
+            // sums of whole metres are exact; squares, quotients and the sum round
+            let bound = 8.0 * f64::from(f32::EPSILON) * (expected.abs() + 0.5);
+            let off = (f64::from(ours[(y * 403 + x) as usize]) - expected).abs();
+            assert!(off <= bound, "({x}, {y}): {off} is beyond {bound}");
+        }
+    }
+}
+
+#[test]
+fn what_the_plan_leaves_out_changes_no_measured_pixel() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["quickstart", "stability/flat", "stability/cliff_and_spike"] {
+        let experiment = format!("{}/experiments/{name}.ron", common::ROOT);
+        let base = ["run", &experiment, "--frames", "2", "--set", "scene.viewport=(160, 120)"];
+        let pruned = folder.path().join("pruned").join(name);
+        let whole = folder.path().join("whole").join(name);
+        let (pruned_text, whole_text) = (pruned.display().to_string(), whole.display().to_string());
+        succeeded(&run(folder.path(), &[&base[..], &["--out", &pruned_text]].concat()));
+        succeeded(&run(folder.path(), &[&base[..], &["--out", &whole_text, "--keep-everything"]].concat()));
+        let (pruned, whole) = (records(&pruned), records(&whole));
+        assert_eq!(pruned.len(), whole.len());
+        let mut left_out = 0;
+        for (pruned, whole) in pruned.iter().zip(&whole) {
+            assert_eq!(pruned["buffers"], whole["buffers"], "{name}");
+            left_out += pruned["left_out"].as_array().unwrap().len();
+            assert!(pruned["bytes"].as_u64() < whole["bytes"].as_u64(), "{name}");
+        }
+        assert!(left_out > 0, "{name} left nothing out");
+    }
+}
+
+/// Every experiment runs, small: no cracks, and rays are exact.
+#[test]
+fn every_experiment_runs() {
+    let out = tempfile::tempdir().unwrap();
+    let folder = Path::new(common::ROOT).join("experiments");
+    let files = [folder.clone(), folder.join("stability")].into_iter().flat_map(|folder| std::fs::read_dir(folder).unwrap().flatten());
+    let mut ran = 0;
+    for file in files.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|kind| kind == "ron")) {
+        if std::fs::read_to_string(&file).unwrap().contains("shared/dem") && common::shared_dem().is_none() {
+            continue;
+        }
+        let name = file.file_stem().unwrap().to_string_lossy().to_string();
+        let target = out.path().join(&name);
+        let arguments = ["run", &file.display().to_string(), "--out", &target.display().to_string(), "--frames", "2"];
+        succeeded(&run(out.path(), &[&arguments[..], &["--set", "scene.viewport=(120, 90)"]].concat()));
+        for record in records(&target) {
+            assert!(measure(&record, "cracks").is_none_or(|cracks| cracks == 0.0), "{name}: {record}");
+            if record["chain"] == "ray cast" {
+                let worst = measure(&record, "error_max").unwrap();
+                assert!(worst < 0.02, "{name}: {worst} px from the surface it is cast on");
+                assert_eq!(measure(&record, "silhouette_misses"), Some(0.0));
+            }
+        }
+        assert!(target.join("report.html").is_file());
+        ran += 1;
+    }
+    assert!(ran >= 5);
+}

@@ -1,0 +1,181 @@
+//! Height sources: every file format and policy, exact shapes, seeds.
+
+use std::io::Write;
+use std::path::Path;
+
+use glam::{DVec2, UVec2};
+use lodlab::experiment::diagnostic::Source;
+use lodlab::experiment::scene::{Surface, Terrain};
+use lodlab::experiment::tree::Node;
+use lodlab::terrain::{HeightField, TerrainError};
+use proptest::prelude::*;
+use tiff::encoder::{Compression, Predictor, TiffEncoder, colortype};
+use tiff::tags::Tag;
+
+fn load(text: &str, folder: &Path) -> Result<HeightField, TerrainError> {
+    let terrain: Terrain = Node::read(&Source::new("test", text)).unwrap().parse().unwrap_or_else(|error| panic!("{error}"));
+    HeightField::load(&terrain, folder)
+}
+
+const SIZE: (u32, u32) = (37, 21);
+
+fn sample(at: u32) -> i32 {
+    (at * 7919 % 3001) as i32 - 500
+}
+
+fn expect(field: &HeightField) {
+    assert_eq!(field.size, UVec2::from(SIZE));
+    for (at, height) in field.heights_m.iter().enumerate() {
+        assert_eq!(*height, sample(at as u32) as f32, "sample {at}");
+    }
+}
+
+#[test]
+fn geotiff_of_every_type_and_compression() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dem.tif");
+    macro_rules! check {
+        ($color:ty, $sample:ty, $compression:expr, $predictor:expr) => {{
+            let values: Vec<$sample> = (0..SIZE.0 * SIZE.1).map(|at| sample(at) as $sample).collect();
+            let mut encoder = TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap().with_compression($compression);
+            encoder = encoder.with_predictor($predictor);
+            let mut image = encoder.new_image::<$color>(SIZE.0, SIZE.1).unwrap();
+            image.encoder().write_tag(Tag::ModelPixelScaleTag, &[30.0f64, 25.0, 0.0][..]).unwrap();
+            image.rows_per_strip(5).unwrap();
+            image.write_data(&values).unwrap();
+            let field = load("Dem(file: \"dem.tif\")", folder.path()).unwrap();
+            expect(&field);
+            assert_eq!(field.cell_m, DVec2::new(30.0, 25.0));
+        }};
+    }
+    for compression in [Compression::Uncompressed, Compression::Lzw, Compression::Deflate(Default::default())] {
+        check!(colortype::GrayI16, i16, compression, Predictor::None);
+        check!(colortype::GrayI32, i32, compression, Predictor::None);
+        check!(colortype::Gray32Float, f32, compression, Predictor::None);
+        check!(colortype::Gray64Float, f64, compression, Predictor::None);
+        check!(colortype::GrayI16, i16, compression, Predictor::Horizontal);
+    }
+}
+
+#[test]
+fn geographic_geotiff_has_metres_of_its_latitude_and_its_own_nodata() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut encoder = TiffEncoder::new(std::fs::File::create(folder.path().join("dem.tif")).unwrap()).unwrap();
+    let mut image = encoder.new_image::<colortype::GrayI16>(3, 3).unwrap();
+    let tags = image.encoder();
+    tags.write_tag(Tag::ModelPixelScaleTag, &[0.001f64, 0.001, 0.0][..]).unwrap();
+    tags.write_tag(Tag::ModelTiepointTag, &[0.0f64, 0.0, 0.0, 10.0, 60.001, 0.0][..]).unwrap();
+    // one key: the model is geographic
+    tags.write_tag(Tag::GeoKeyDirectoryTag, &[1u16, 1, 0, 1, 1024, 0, 1, 2][..]).unwrap();
+    tags.write_tag(Tag::GdalNodata, "-9999").unwrap();
+    image.write_data(&[1i16, 1, 1, 1, -9999, 1, 1, 1, 1]).unwrap();
+    let refused = load("Dem(file: \"dem.tif\")", folder.path()).unwrap_err();
+    assert!(matches!(refused, TerrainError::NoData { column: 1, row: 1, count: 1 }), "{refused}");
+    let filled = load("Dem(file: \"dem.tif\", nodata: Fill(7))", folder.path()).unwrap();
+    assert_eq!(filled.height_m(1, 1), 7.0);
+    let field = load("Dem(file: \"dem.tif\", nodata: Interpolate)", folder.path()).unwrap();
+    assert_eq!(field.height_m(1, 1), 1.0);
+    // the middle row is at 60 degrees, where a degree of longitude is half one of latitude
+    let degree = 6_371_008.8f64.to_radians();
+    assert!((field.cell_m - DVec2::new(0.0005, 0.001) * degree).length() < 1e-6, "{}", field.cell_m);
+}
+
+#[test]
+fn srtm_tiles_plain_and_zipped() {
+    let folder = tempfile::tempdir().unwrap();
+    for side in [1201usize, 3601] {
+        let mut bytes: Vec<u8> = (0..side * side).flat_map(|at| ((at % 3000) as i16).to_be_bytes()).collect();
+        bytes[2..4].copy_from_slice(&i16::MIN.to_be_bytes());
+        std::fs::write(folder.path().join("N47W122.hgt"), &bytes).unwrap();
+        let mut zip = zip::ZipWriter::new(std::fs::File::create(folder.path().join("N47W122.hgt.zip")).unwrap());
+        zip.start_file("N47W122.hgt", zip::write::SimpleFileOptions::default()).unwrap();
+        zip.write_all(&bytes).unwrap();
+        zip.finish().unwrap();
+        for name in ["N47W122.hgt", "N47W122.hgt.zip"] {
+            let field = load(&format!("Dem(file: \"{name}\", nodata: Fill(-1))"), folder.path()).unwrap();
+            assert_eq!((field.size.x as usize, field.height_m(1, 0), field.height_m(5, 0)), (side, -1.0, 5.0));
+            let degree = 6_371_008.8f64.to_radians() / (side - 1) as f64;
+            assert!((field.cell_m.y - degree).abs() < 1e-6);
+            assert!((field.cell_m.x - degree * 47.5f64.to_radians().cos()).abs() < 1e-6);
+        }
+    }
+}
+
+#[test]
+fn png_of_8_and_16_bits_and_npy() {
+    let folder = tempfile::tempdir().unwrap();
+    image::GrayImage::from_fn(4, 3, |x, y| image::Luma([(x * 60 + y) as u8])).save(folder.path().join("eight.png")).unwrap();
+    let sixteen = image::ImageBuffer::from_fn(4, 3, |x, y| image::Luma([(x * 20_000 + y) as u16]));
+    sixteen.save(folder.path().join("sixteen.png")).unwrap();
+    let eight = load("Dem(file: \"eight.png\", cell_m: 10, height_m: (100, 355))", folder.path()).unwrap();
+    assert_eq!((eight.height_m(0, 0), eight.height_m(3, 2)), (100.0, 282.0));
+    let sixteen = load("Dem(file: \"sixteen.png\", cell_m: (10, 20), height_offset_m: 5, height_scale_m: 0.5)", folder.path()).unwrap();
+    assert_eq!((sixteen.height_m(3, 1), sixteen.cell_m.y), (5.0 + 0.5 * 60_001.0, 20.0));
+
+    let mut bytes = Vec::new();
+    let mut writer = npyz::WriterBuilder::begin_nd(
+        npyz::WriterBuilder::writer(npyz::WriterBuilder::shape(npyz::WriterBuilder::default_dtype(npyz::WriteOptions::<f64>::new()), &[21, 37]), &mut bytes),
+    )
+    .unwrap();
+    writer.extend((0..SIZE.0 * SIZE.1).map(|at| f64::from(sample(at)))).unwrap();
+    writer.finish().unwrap();
+    std::fs::write(folder.path().join("dem.npy"), bytes).unwrap();
+    expect(&load("Dem(file: \"dem.npy\", cell_m: 1)", folder.path()).unwrap());
+}
+
+#[test]
+fn crop_resample_and_scale_keep_places() {
+    let folder = tempfile::tempdir().unwrap();
+    image::ImageBuffer::from_fn(9, 5, |x, y| image::Luma([(x * 100 + y * 10) as u16])).save(folder.path().join("dem.png")).unwrap();
+    let field = load(
+        "Dem(file: \"dem.png\", cell_m: 10, crop: (2, 1, 5, 3), resample: (9, 5), vertical_scale: 2)",
+        folder.path(),
+    )
+    .unwrap();
+    assert_eq!((field.size, field.cell_m), (UVec2::new(9, 5), DVec2::splat(5.0)));
+    // a plane stays a plane
+    for y in 0..5 {
+        for x in 0..9 {
+            let expected = 2.0 * (100.0 * (2.0 + f64::from(x) / 2.0) + 10.0 * (1.0 + f64::from(y) / 2.0));
+            assert!((f64::from(field.height_m(x, y)) - expected).abs() < 1e-3);
+        }
+    }
+}
+
+#[test]
+fn shapes_are_what_they_say_and_seeds_repeat() {
+    let shape = |kind: &str| load(&format!("Shape(kind: {kind}, size: (9, 7), height_m: (10, 20), period_cells: 4)"), Path::new("")).unwrap();
+    assert!(shape("Flat").heights_m.iter().all(|&height| height == 10.0));
+    assert_eq!((shape("Ramp").height_m(0, 3), shape("Ramp").height_m(8, 3)), (10.0, 20.0));
+    assert_eq!(shape("Spike").heights_m.iter().filter(|&&height| height == 20.0).count(), 1);
+    assert_eq!((shape("Cliff").height_m(4, 0), shape("Cliff").height_m(5, 0)), (10.0, 20.0));
+    assert_eq!((shape("Checkerboard").height_m(0, 0), shape("Checkerboard").height_m(2, 0)), (10.0, 20.0));
+    assert_eq!((shape("Sine").height_m(1, 1), shape("GaussianHill").height_m(4, 3)), (20.0, 20.0));
+    for kind in ["Fbm", "Ridged", "Billow", "Hybrid", "DomainWarped"] {
+        let noise = |seed: u32| load(&format!("Noise(kind: {kind}, seed: {seed}, size: (33, 17))"), Path::new("")).unwrap();
+        assert_eq!(noise(5).heights_m, noise(5).heights_m);
+        assert_ne!(noise(5).heights_m, noise(6).heights_m);
+        let (low, high) = noise(5).range_m();
+        assert!(high > low + 10.0, "{kind} is flat");
+    }
+    let octaves = |octaves: u32| load(&format!("Noise(kind: Fbm, persistence: 0, octaves: {octaves}, size: (9, 9))"), Path::new("")).unwrap();
+    assert_eq!(octaves(1).heights_m, octaves(8).heights_m, "octaves without amplitude");
+}
+
+proptest! {
+    /// Both surfaces go through their samples and stay between their neighbours.
+    #[test]
+    fn the_surface_stays_within_its_cell(seed in 0u64..1000, x in 0.0..1.0f64, y in 0.0..1.0f64) {
+        let field = load(&format!("Noise(kind: Ridged, seed: {seed}, size: (8, 6), cell_m: (10, 20))"), Path::new("")).unwrap();
+        let position = field.extent_m() * DVec2::new(x, y);
+        let at = field.sample_from_world(position).floor().as_uvec2().min(field.size - 2);
+        let around = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| f64::from(field.height_m(at.x + dx, at.y + dy)));
+        for surface in [Surface::Triangles, Surface::Bilinear] {
+            let height = field.surface_m(position, surface);
+            let (low, high) = around.iter().fold((f64::MAX, f64::MIN), |(low, high), &h| (low.min(h), high.max(h)));
+            prop_assert!((low - 1e-9..=high + 1e-9).contains(&height));
+        }
+        let corner = DVec2::new(f64::from(at.x), f64::from(field.size.y - 1 - at.y)) * field.cell_m;
+        prop_assert!((field.surface_m(corner, Surface::Triangles) - around[0]).abs() < 1e-9);
+    }
+}
