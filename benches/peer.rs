@@ -22,11 +22,36 @@ struct View {
 }
 
 const VIEWS: [View; 6] = [
-    View { name: "puget: lowland to Cascades", dem: "puget_sound_cascades_2049x1025", eye: [60e3, 20e3, 4000.0], target: [120e3, 50e3, 500.0] },
-    View { name: "puget: among peaks", dem: "puget_sound_cascades_2049x1025", eye: [150e3, 40e3, 2400.0], target: [160e3, 50e3, 1500.0] },
-    View { name: "puget: steep down", dem: "puget_sound_cascades_2049x1025", eye: [140e3, 45e3, 15000.0], target: [146e3, 52e3, 0.0] },
-    View { name: "moon: over the massifs", dem: "moon_apennines_4096", eye: [60e3, 120e3, 9000.0], target: [160e3, 240e3, -1000.0] },
-    View { name: "moon: mare, low", dem: "moon_apennines_4096", eye: [100e3, 300e3, 500.0], target: [200e3, 350e3, -1500.0] },
+    View {
+        name: "puget: lowland to Cascades",
+        dem: "puget_sound_cascades_2049x1025",
+        eye: [60e3, 20e3, 4000.0],
+        target: [120e3, 50e3, 500.0],
+    },
+    View {
+        name: "puget: among peaks",
+        dem: "puget_sound_cascades_2049x1025",
+        eye: [150e3, 40e3, 2400.0],
+        target: [160e3, 50e3, 1500.0],
+    },
+    View {
+        name: "puget: steep down",
+        dem: "puget_sound_cascades_2049x1025",
+        eye: [140e3, 45e3, 15000.0],
+        target: [146e3, 52e3, 0.0],
+    },
+    View {
+        name: "moon: over the massifs",
+        dem: "moon_apennines_4096",
+        eye: [60e3, 120e3, 9000.0],
+        target: [160e3, 240e3, -1000.0],
+    },
+    View {
+        name: "moon: mare, low",
+        dem: "moon_apennines_4096",
+        eye: [100e3, 300e3, 500.0],
+        target: [200e3, 350e3, -1500.0],
+    },
     View { name: "moon: whole", dem: "moon_apennines_4096", eye: [225e3, -120e3, 250e3], target: [225e3, 230e3, 0.0] },
 ];
 
@@ -134,11 +159,17 @@ fn run_peer(peer: &Path, folder: &Path, view: &View, data: &SceneData) -> Option
     let terrain = &data.terrain;
     let numbers = [f64::from(terrain.size.x), f64::from(terrain.size.y), terrain.cell_m.x, terrain.cell_m.y];
     let numbers = numbers.into_iter().chain(view.eye).chain(view.target).chain([FOV_DEG, SIZE.0.into(), SIZE.1.into()]);
-    let output = Command::new(peer).arg(&heights).args(numbers.map(|number| number.to_string())).arg(&out).output().ok()?;
+    let output =
+        Command::new(peer).arg(&heights).args(numbers.map(|number| number.to_string())).arg(&out).output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;
     let number = |name: &str| text.split_whitespace().skip_while(|word| *word != name).nth(1)?.parse().ok();
     let distance_m = bytemuck::pod_collect_to_vec(&std::fs::read(&out).ok()?);
-    Some(Peer { build_ms: number("build_ms")?, single_ms: number("single_ms")?, packet_ms: number("packet8_ms")?, distance_m })
+    Some(Peer {
+        build_ms: number("build_ms")?,
+        single_ms: number("single_ms")?,
+        packet_ms: number("packet8_ms")?,
+        distance_m,
+    })
 }
 
 struct Agreement {
@@ -152,7 +183,9 @@ struct Agreement {
 fn agree(ours: &[f32], theirs: &[f32]) -> Agreement {
     let width = SIZE.0 as usize;
     let pairs = || ours.iter().zip(theirs);
-    let beyond = |(ours, theirs): &(&f32, &f32)| **ours >= 0.0 && !theirs.is_nan() && (*ours - *theirs).abs() > 1e-5 * theirs.abs();
+    let beyond = |(ours, theirs): &(&f32, &f32)| {
+        **ours >= 0.0 && !theirs.is_nan() && (*ours - *theirs).abs() > 1e-5 * theirs.abs()
+    };
     let is_pinhole = |&at: &usize| {
         let around = [at - 1, at + 1, at - width, at + width].map(|at| ours[at]);
         let (low, high) = around.iter().fold((f32::MAX, f32::MIN), |(low, high), &t| (low.min(t), high.max(t)));

@@ -7,8 +7,8 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::experiment::Experiment;
+use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::gpu::{Executor, Gpu};
 use crate::kernel::Elem;
 use crate::plan::{Buffer, Chain, Demand, Plan, Storage};
@@ -74,12 +74,21 @@ fn cases() -> Vec<(String, String)> {
         ("smallest", "Shape(kind: Ramp, size: (2, 2), cell_m: 500.0, height_m: (0, 100))"),
         ("strip", "Shape(kind: Sine, size: (2, 65), cell_m: 30.0, height_m: (0, 50), period_cells: 9)"),
         ("odd", "Noise(kind: Fbm, seed: 1, size: (37, 53), cell_m: 30.0, height_m: (0, 400), wavelength_m: 700)"),
-        ("anisotropic", "Noise(kind: Ridged, seed: 2, size: (130, 97), cell_m: (20.0, 31.5), height_m: (200, 900), wavelength_m: 1500)"),
-        ("large", "Noise(kind: Billow, seed: 3, size: (1025, 515), cell_m: 10.0, height_m: (-300, 700), wavelength_m: 3000)"),
+        (
+            "anisotropic",
+            "Noise(kind: Ridged, seed: 2, size: (130, 97), cell_m: (20.0, 31.5), height_m: (200, 900), wavelength_m: 1500)",
+        ),
+        (
+            "large",
+            "Noise(kind: Billow, seed: 3, size: (1025, 515), cell_m: 10.0, height_m: (-300, 700), wavelength_m: 3000)",
+        ),
         ("flat", "Shape(kind: Flat, size: (65, 65), height_m: (120, 120))"),
         ("spike", "Shape(kind: Spike, size: (65, 65), cell_m: 30.0, height_m: (0, 8000))"),
         ("cliff", "Shape(kind: Cliff, size: (64, 64), cell_m: 1.0, height_m: (0, 3000))"),
-        ("checkerboard", "Shape(kind: Checkerboard, size: (100, 100), cell_m: 30.0, height_m: (0, 300), period_cells: 8)"),
+        (
+            "checkerboard",
+            "Shape(kind: Checkerboard, size: (100, 100), cell_m: 30.0, height_m: (0, 300), period_cells: 8)",
+        ),
         ("high", "Shape(kind: Sine, size: (129, 129), cell_m: 0.5, height_m: (8000, 8001), period_cells: 30)"),
     ];
     let scene = |terrain: &str, surface: &str, camera: &str| {
@@ -164,9 +173,9 @@ fn merge(outcomes: &mut Vec<Outcome>, outcome: Outcome) {
 }
 
 fn plan_everything(prepared: &Prepared) -> Result<Plan, Diagnostic> {
-    let mut chain = Chain::new(&prepared.cell.chain, &prepared.data, &prepared.cell.scene_origin);
+    let mut chain = Chain::new(&prepared.cell.chain, &prepared.data, &prepared.cell.scene_node.origin);
     for (index, (stage, call)) in prepared.stages.iter().zip(&prepared.cell.stages).enumerate() {
-        chain.begin_stage(&call.name, index, &call.node.origin);
+        chain.begin_stage(&call.name, index, &call.node.head());
         stage.plan(&mut chain)?;
     }
     let outputs = chain.made();
@@ -178,7 +187,9 @@ fn read(bytes: &[u8], buffer: &Buffer) -> Values {
     let is_picture = buffer.unit == crate::stages::RGBA8;
     let value: Vec<f64> = match buffer.elem {
         _ if is_picture => bytes.iter().map(|&byte| byte.into()).collect(),
-        _ if buffer.elem.is_float() => bytemuck::pod_collect_to_vec::<u8, f32>(bytes).into_iter().map(f64::from).collect(),
+        _ if buffer.elem.is_float() => {
+            bytemuck::pod_collect_to_vec::<u8, f32>(bytes).into_iter().map(f64::from).collect()
+        }
         Elem::I32 => bytemuck::pod_collect_to_vec::<u8, i32>(bytes).into_iter().map(f64::from).collect(),
         _ => bytemuck::pod_collect_to_vec::<u8, u32>(bytes).into_iter().map(f64::from).collect(),
     };

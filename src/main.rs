@@ -1,5 +1,6 @@
 //! The command line, and the only place that prints.
 
+use std::cell::RefCell;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -114,11 +115,16 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
         };
         println!("{} on {}", experiment.title, gpu.summary.name);
         let bar = progress_bar();
-        let outcome = run::run(experiment, &gpu, &folder, options, &|event| show(&bar, event));
+        let told = RefCell::new(Vec::new());
+        let outcome = run::run(experiment, &gpu, &folder, options, &|event| show(&bar, &mut told.borrow_mut(), event));
         bar.finish_and_clear();
         let outcome = outcome?;
         println!("{}", table::table(&outcome.records));
-        println!("{} cells run, {} finished before", outcome.ran, outcome.records.len() - outcome.ran.min(outcome.records.len()));
+        println!(
+            "{} cells run, {} finished before",
+            outcome.ran,
+            outcome.records.len() - outcome.ran.min(outcome.records.len())
+        );
         println!("report:   {}", outcome.folder.join("report.html").display());
         println!("plot:     {}", outcome.folder.join("pareto.svg").display());
         println!("pictures: {}", outcome.folder.join("pictures").display());
@@ -135,7 +141,8 @@ fn progress_bar() -> ProgressBar {
     ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-fn show(bar: &ProgressBar, event: Event) {
+/// Shows an event; a warning that was `told` before is not told again.
+fn show(bar: &ProgressBar, told: &mut Vec<String>, event: Event) {
     let line = |text: String| if bar.is_hidden() { println!("{text}") } else { bar.println(text) };
     match event {
         Event::Started { cells, finished } => {
@@ -155,7 +162,11 @@ fn show(bar: &ProgressBar, event: Event) {
             let time = frame_ms.map_or("not timed".into(), |ms| format!("{ms:.2} ms a frame"));
             line(format!("  done {label}: {time}"));
         }
-        Event::Warning(text) => line(format!("  warning: {text}")),
+        Event::Warning(text) if told.contains(&text) => {}
+        Event::Warning(text) => {
+            line(format!("  warning: {text}"));
+            told.push(text);
+        }
     }
 }
 
@@ -182,7 +193,12 @@ fn show_stages(name: Option<&str>) -> Result<(), Diagnostic> {
         Diagnostic::input(format!("there is no stage `{name}`")).suggest(name, REGISTRY.iter().map(|info| info.name))
     })?;
     println!("{}: {}\n  formula: {}\n  source:  {}", info.name, info.summary, info.formula, info.source);
-    println!("  reads:   {}\n  writes:  {}\n  kernels: {}", info.reads.join(", "), info.writes.join(", "), info.kernels.join(", "));
+    println!(
+        "  reads:   {}\n  writes:  {}\n  kernels: {}",
+        info.reads.join(", "),
+        info.writes.join(", "),
+        info.kernels.join(", ")
+    );
     for (name, default, meaning) in info.params {
         println!("  {name:<10} default {default}: {meaning}");
     }
@@ -222,7 +238,14 @@ fn show_devices() -> Result<(), Diagnostic> {
         println!("  driver           {}", adapter.driver);
         println!("  subgroup size    {} to {}", adapter.subgroup_min_size, adapter.subgroup_max_size);
         println!("  storage binding  {}", lodlab::plan::megabytes(adapter.storage_binding_bytes));
-        println!("  timestamps       {}", if adapter.timestamps { "yes, if they agree with the clock" } else { "none to be believed: times are wall times" });
+        println!(
+            "  timestamps       {}",
+            if adapter.timestamps {
+                "yes, if they agree with the clock"
+            } else {
+                "none to be believed: times are wall times"
+            }
+        );
     }
     Ok(())
 }

@@ -116,9 +116,10 @@ pub fn compare(gpu: &[f64], reference: &Values, missing: impl Fn(f64) -> bool) -
             _ => f64::INFINITY,
         };
         let share = if off == 0.0 { 0.0 } else { off / bound };
-        difference.beyond += usize::from(!(share <= 1.0));
+        let within = share <= 1.0;
+        difference.beyond += usize::from(!within);
         difference.largest = difference.largest.max(off);
-        if !(share <= difference.largest_of_bound) {
+        if share.is_nan() || share > difference.largest_of_bound {
             difference.largest_of_bound = share;
             difference.worst = at;
         }

@@ -8,10 +8,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::experiment::diagnostic::{Diagnostic, Origin};
+use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Scene;
 use crate::experiment::sweep::Setting;
-use crate::experiment::{Cell, Experiment};
+use crate::experiment::{Cell, Experiment, StageCall};
 use crate::gpu::Gpu;
 use crate::plan::{Chain, Demand, Plan, SceneData};
 use crate::report::html::Pictures;
@@ -42,10 +42,22 @@ pub struct Options {
 #[derive(Clone, Debug)]
 pub enum Event {
     /// Cells in all, and how many of them are finished from before.
-    Started { cells: usize, finished: usize },
-    CellStarted { label: String, reason: String },
-    Frame { done: usize, of: usize },
-    CellDone { label: String, frame_ms: Option<f64> },
+    Started {
+        cells: usize,
+        finished: usize,
+    },
+    CellStarted {
+        label: String,
+        reason: String,
+    },
+    Frame {
+        done: usize,
+        of: usize,
+    },
+    CellDone {
+        label: String,
+        frame_ms: Option<f64>,
+    },
     Warning(String),
 }
 
@@ -83,13 +95,19 @@ fn scene_key(scene: &Scene) -> String {
     serde_json::to_string(scene).unwrap_or_default()
 }
 
-fn load_scene(cell: &Cell, folder: &Path, terrains: &mut BTreeMap<String, Arc<HeightField>>) -> Result<SceneData, Diagnostic> {
+fn load_scene(
+    cell: &Cell,
+    folder: &Path,
+    terrains: &mut BTreeMap<String, Arc<HeightField>>,
+) -> Result<SceneData, Diagnostic> {
     let key = serde_json::to_string(&cell.scene.terrain).unwrap_or_default();
     let terrain = match terrains.get(&key) {
         Some(terrain) => terrain.clone(),
         None => {
             let loaded = HeightField::load(&cell.scene.terrain, folder).map_err(|error| {
-                let diagnostic = Diagnostic::input(error.to_string()).at(&first_line(&cell.scene_origin), "in this scene");
+                let place = cell.scene_node.field("terrain").unwrap_or(&cell.scene_node);
+                let field = error.field().and_then(|field| place.field(field));
+                let diagnostic = Diagnostic::input(error.to_string()).at(&field.unwrap_or(place).head(), "here");
                 Diagnostic { help: error.help().map(str::to_string), ..diagnostic }
             })?;
             terrains.insert(key, Arc::new(loaded));
@@ -99,21 +117,23 @@ fn load_scene(cell: &Cell, folder: &Path, terrains: &mut BTreeMap<String, Arc<He
     let data = SceneData::new(cell.scene.clone(), terrain);
     match data.cameras.iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
         true => Ok(data),
-        false => Err(Diagnostic::input("the camera path has a place that is not a number").at(&first_line(&cell.scene_origin), "in this scene")),
+        false => Err(Diagnostic::input("the camera path has a place that is not a number")
+            .at(&cell.scene_node.field("camera").unwrap_or(&cell.scene_node).head(), "this path")),
     }
-}
-
-fn first_line(origin: &Origin) -> Origin {
-    let end = origin.text().find('\n').map_or(origin.range.end, |at| origin.range.start + at);
-    Origin { source: origin.source.clone(), range: origin.range.start..end }
 }
 
 /// Plans a cell for what it measures and what is to be dumped.
 pub fn plan(prepared: &Prepared, options: &Options) -> Result<Plan, Diagnostic> {
     let Prepared { cell, stages, data } = prepared;
-    let mut chain = Chain::new(&cell.chain, data, &cell.scene_origin);
+    let mut chain = Chain::new(&cell.chain, data, &cell.scene_node.origin);
     for (index, (stage, call)) in stages.iter().zip(&cell.stages).enumerate() {
-        chain.begin_stage(&call.name, index, &first_line(&call.node.origin));
+        let later = stages.iter().zip(&cell.stages).skip(index + 1);
+        let makes = |(stage, call): (&Box<dyn Stage>, &StageCall)| {
+            let known = stages::writes(&call.name).iter().map(|name| name.to_string());
+            (call.name.clone(), known.chain(stage.makes()).collect())
+        };
+        chain.announce(later.map(makes).collect());
+        chain.begin_stage(&call.name, index, &call.node.head());
         stage.plan(&mut chain)?;
     }
     let mut outputs: Vec<String> = Vec::new();
@@ -135,7 +155,8 @@ pub fn plan(prepared: &Prepared, options: &Options) -> Result<Plan, Diagnostic> 
     if outputs.is_empty() {
         outputs.extend(chain.last_made());
     }
-    Plan::finish(chain, &Demand { outputs, keep_everything: options.keep_everything })
+    let demand = Demand { outputs, keep_everything: options.keep_everything };
+    Plan::finish(chain, &demand).map_err(|error| error.or_at(&cell.measures_origin, "measured here"))
 }
 
 fn identity(prepared: &Prepared, plan: &Plan, terrain: &str, gpu: &Gpu, options: &Options) -> Identity {
@@ -199,7 +220,16 @@ pub fn run(
         .collect();
     let finished = must_run.iter().filter(|must| !**must).count();
     tell(Event::Started { cells: prepared.len(), finished });
-    let sweep = Sweep { experiment, gpu, store: &store, options, tell, prepared: &prepared, plans: &plans, identities: &identities };
+    let sweep = Sweep {
+        experiment,
+        gpu,
+        store: &store,
+        options,
+        tell,
+        prepared: &prepared,
+        plans: &plans,
+        identities: &identities,
+    };
     let result = sweep.run(&must_run);
     // reports are made of what there is, also after a failure
     let records = sweep.records();
@@ -252,10 +282,18 @@ impl Sweep<'_> {
         };
         let label = cell_label(&prepared.cell);
         (self.tell)(Event::CellStarted { label: label.clone(), reason });
-        let context = cell::Context { gpu: self.gpu, prepared, plan, store: self.store, hash: &hash, options: self.options, tell: self.tell };
+        let context = cell::Context {
+            gpu: self.gpu,
+            prepared,
+            plan,
+            store: self.store,
+            hash: &hash,
+            options: self.options,
+            tell: self.tell,
+        };
         let results = cell::run(&context, truth)?;
         for warning in &results.warnings {
-            (self.tell)(Event::Warning(format!("{label}: {warning}")));
+            (self.tell)(Event::Warning(warning.clone()));
         }
         let record = Record {
             hash,
@@ -288,23 +326,30 @@ impl Sweep<'_> {
 }
 
 fn cell_label(cell: &Cell) -> String {
-    let settings = cell.settings.iter().map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
+    let settings =
+        cell.settings.iter().map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
     [vec![cell.chain.clone()], settings.collect()].concat().join(" ")
 }
 
 fn write_reports(experiment: &Experiment, store: &Store, records: &[Record]) -> Result<(), Diagnostic> {
     let csv = records::csv(records).map_err(|error| Diagnostic::run(format!("records.csv cannot be made: {error}")))?;
     store.write("records.csv", &csv)?;
-    let json = serde_json::to_vec_pretty(records).map_err(|error| Diagnostic::run(format!("records.json cannot be made: {error}")))?;
+    let json = serde_json::to_vec_pretty(records)
+        .map_err(|error| Diagnostic::run(format!("records.json cannot be made: {error}")))?;
     store.write("records.json", &json)?;
     let plot = pareto::svg(&experiment.title, records);
     if let Some(svg) = &plot {
         store.write("pareto.svg", svg.as_bytes())?;
     }
-    let picture = |record: &Record, kind: &str| std::fs::read(store.folder.join(cell::picture_name(&record.hash, kind))).ok();
+    let picture =
+        |record: &Record, kind: &str| std::fs::read(store.folder.join(cell::picture_name(&record.hash, kind))).ok();
     let pictures: Vec<Pictures> = records
         .iter()
-        .map(|record| Pictures { label: record.label(), image: picture(record, "image"), error: picture(record, "error") })
+        .map(|record| Pictures {
+            label: record.label(),
+            image: picture(record, "image"),
+            error: picture(record, "error"),
+        })
         .filter(|pictures| pictures.image.is_some() || pictures.error.is_some())
         .collect();
     store.write("report.html", html::page(&experiment.title, records, plot.as_deref(), &pictures).as_bytes())

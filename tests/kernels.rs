@@ -53,7 +53,8 @@ fn documented_parameters_are_the_real_ones() {
             fields += &format!("{name}: {default}, ");
         }
         let read = |text: String| (info.read)(&Node::read(&Source::new("test", text)).unwrap(), Path::new(""));
-        let documented = read(format!("{}({fields})", info.name)).unwrap_or_else(|error| panic!("{}: {error}", info.name));
+        let documented =
+            read(format!("{}({fields})", info.name)).unwrap_or_else(|error| panic!("{}: {error}", info.name));
         let plain = read(info.name.to_string()).unwrap_or_else(|error| panic!("{}: {error}", info.name));
         assert_eq!(format!("{documented:?}"), format!("{plain:?}"), "defaults of {}", info.name);
         assert!(read(format!("{}(no_such_field: 1)", info.name)).is_err(), "{} takes any field", info.name);

@@ -13,10 +13,15 @@ use lodlab::run::{self, Options};
 fn every_stage_agrees_with_its_reference() {
     let gpu = Gpu::open(None).unwrap();
     let outcomes = check::run(&gpu).unwrap();
-    let failed: Vec<String> = outcomes.iter().filter(|outcome| !outcome.passed()).map(|outcome| outcome.to_string()).collect();
+    let failed: Vec<String> =
+        outcomes.iter().filter(|outcome| !outcome.passed()).map(|outcome| outcome.to_string()).collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));
     for info in lodlab::stages::REGISTRY.iter().filter(|info| info.name != "Kernel") {
-        assert!(outcomes.iter().any(|outcome| outcome.stage == info.name && outcome.local.compared > 1000), "{} is not checked", info.name);
+        assert!(
+            outcomes.iter().any(|outcome| outcome.stage == info.name && outcome.local.compared > 1000),
+            "{} is not checked",
+            info.name
+        );
     }
 }
 

@@ -13,7 +13,8 @@ use tiff::encoder::{Compression, Predictor, TiffEncoder, colortype};
 use tiff::tags::Tag;
 
 fn load(text: &str, folder: &Path) -> Result<HeightField, TerrainError> {
-    let terrain: Terrain = Node::read(&Source::new("test", text)).unwrap().parse().unwrap_or_else(|error| panic!("{error}"));
+    let terrain: Terrain =
+        Node::read(&Source::new("test", text)).unwrap().parse().unwrap_or_else(|error| panic!("{error}"));
     HeightField::load(&terrain, folder)
 }
 
@@ -37,7 +38,8 @@ fn geotiff_of_every_type_and_compression() {
     macro_rules! check {
         ($color:ty, $sample:ty, $compression:expr, $predictor:expr) => {{
             let values: Vec<$sample> = (0..SIZE.0 * SIZE.1).map(|at| sample(at) as $sample).collect();
-            let mut encoder = TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap().with_compression($compression);
+            let mut encoder =
+                TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap().with_compression($compression);
             encoder = encoder.with_predictor($predictor);
             let mut image = encoder.new_image::<$color>(SIZE.0, SIZE.1).unwrap();
             image.encoder().write_tag(Tag::ModelPixelScaleTag, &[30.0f64, 25.0, 0.0][..]).unwrap();
@@ -48,12 +50,68 @@ fn geotiff_of_every_type_and_compression() {
             assert_eq!(field.cell_m, DVec2::new(30.0, 25.0));
         }};
     }
+    macro_rules! check_unsigned {
+        ($color:ty, $sample:ty, $compression:expr) => {{
+            let values: Vec<$sample> = (0..SIZE.0 * SIZE.1).map(|at| (sample(at) + 500) as $sample).collect();
+            let mut encoder =
+                TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap().with_compression($compression);
+            encoder.new_image::<$color>(SIZE.0, SIZE.1).unwrap().write_data(&values).unwrap();
+            expect(&load("Dem(file: \"dem.tif\", cell_m: 30, height_offset_m: -500)", folder.path()).unwrap());
+        }};
+    }
     for compression in [Compression::Uncompressed, Compression::Lzw, Compression::Deflate(Default::default())] {
         check!(colortype::GrayI16, i16, compression, Predictor::None);
+        check_unsigned!(colortype::Gray16, u16, compression);
+        check_unsigned!(colortype::Gray32, u32, compression);
         check!(colortype::GrayI32, i32, compression, Predictor::None);
         check!(colortype::Gray32Float, f32, compression, Predictor::None);
         check!(colortype::Gray64Float, f64, compression, Predictor::None);
         check!(colortype::GrayI16, i16, compression, Predictor::Horizontal);
+    }
+}
+
+/// A file of four tiles, the right and lower ones half outside the picture, written by hand.
+#[test]
+fn geotiff_in_tiles() {
+    let folder = tempfile::tempdir().unwrap();
+    let (width, height, side) = (24u32, 20u32, 16u32);
+    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+    let tile_bytes = side * side * 2;
+    let data = 8 + 2 + 12 * 10 + 4 + 32;
+    // tag, type (3: u16, 4: u32), count, value
+    let entries = [
+        (256u16, 3u16, 1u32, width),
+        (257, 3, 1, height),
+        (258, 3, 1, 16),
+        (259, 3, 1, 1),
+        (262, 3, 1, 1),
+        (277, 3, 1, 1),
+        (322, 3, 1, side),
+        (323, 3, 1, side),
+        (324, 4, 4, data - 32),
+        (325, 4, 4, data - 16),
+    ];
+    bytes.extend((entries.len() as u16).to_le_bytes());
+    for (tag, kind, count, value) in entries {
+        bytes
+            .extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat());
+    }
+    bytes.extend(0u32.to_le_bytes());
+    (0..4).for_each(|tile| bytes.extend((data + tile * tile_bytes).to_le_bytes()));
+    (0..4).for_each(|_| bytes.extend(tile_bytes.to_le_bytes()));
+    for tile in 0..4u32 {
+        for at in 0..side * side {
+            let (x, y) = (tile % 2 * side + at % side, tile / 2 * side + at / side);
+            bytes.extend(((100 * y + x) as u16).to_le_bytes());
+        }
+    }
+    std::fs::write(folder.path().join("tiles.tif"), bytes).unwrap();
+    let field = load("Dem(file: \"tiles.tif\", cell_m: 30)", folder.path()).unwrap();
+    assert_eq!(field.size, UVec2::new(width, height));
+    for y in 0..height {
+        for x in 0..width {
+            assert_eq!(field.height_m(x, y), (100 * y + x) as f32);
+        }
     }
 }
 
@@ -104,18 +162,23 @@ fn srtm_tiles_plain_and_zipped() {
 #[test]
 fn png_of_8_and_16_bits_and_npy() {
     let folder = tempfile::tempdir().unwrap();
-    image::GrayImage::from_fn(4, 3, |x, y| image::Luma([(x * 60 + y) as u8])).save(folder.path().join("eight.png")).unwrap();
+    image::GrayImage::from_fn(4, 3, |x, y| image::Luma([(x * 60 + y) as u8]))
+        .save(folder.path().join("eight.png"))
+        .unwrap();
     let sixteen = image::ImageBuffer::from_fn(4, 3, |x, y| image::Luma([(x * 20_000 + y) as u16]));
     sixteen.save(folder.path().join("sixteen.png")).unwrap();
     let eight = load("Dem(file: \"eight.png\", cell_m: 10, height_m: (100, 355))", folder.path()).unwrap();
     assert_eq!((eight.height_m(0, 0), eight.height_m(3, 2)), (100.0, 282.0));
-    let sixteen = load("Dem(file: \"sixteen.png\", cell_m: (10, 20), height_offset_m: 5, height_scale_m: 0.5)", folder.path()).unwrap();
+    let sixteen =
+        load("Dem(file: \"sixteen.png\", cell_m: (10, 20), height_offset_m: 5, height_scale_m: 0.5)", folder.path())
+            .unwrap();
     assert_eq!((sixteen.height_m(3, 1), sixteen.cell_m.y), (5.0 + 0.5 * 60_001.0, 20.0));
 
     let mut bytes = Vec::new();
-    let mut writer = npyz::WriterBuilder::begin_nd(
-        npyz::WriterBuilder::writer(npyz::WriterBuilder::shape(npyz::WriterBuilder::default_dtype(npyz::WriteOptions::<f64>::new()), &[21, 37]), &mut bytes),
-    )
+    let mut writer = npyz::WriterBuilder::begin_nd(npyz::WriterBuilder::writer(
+        npyz::WriterBuilder::shape(npyz::WriterBuilder::default_dtype(npyz::WriteOptions::<f64>::new()), &[21, 37]),
+        &mut bytes,
+    ))
     .unwrap();
     writer.extend((0..SIZE.0 * SIZE.1).map(|at| f64::from(sample(at)))).unwrap();
     writer.finish().unwrap();
@@ -126,7 +189,9 @@ fn png_of_8_and_16_bits_and_npy() {
 #[test]
 fn crop_resample_and_scale_keep_places() {
     let folder = tempfile::tempdir().unwrap();
-    image::ImageBuffer::from_fn(9, 5, |x, y| image::Luma([(x * 100 + y * 10) as u16])).save(folder.path().join("dem.png")).unwrap();
+    image::ImageBuffer::from_fn(9, 5, |x, y| image::Luma([(x * 100 + y * 10) as u16]))
+        .save(folder.path().join("dem.png"))
+        .unwrap();
     let field = load(
         "Dem(file: \"dem.png\", cell_m: 10, crop: (2, 1, 5, 3), resample: (9, 5), vertical_scale: 2)",
         folder.path(),
@@ -144,7 +209,9 @@ fn crop_resample_and_scale_keep_places() {
 
 #[test]
 fn shapes_are_what_they_say_and_seeds_repeat() {
-    let shape = |kind: &str| load(&format!("Shape(kind: {kind}, size: (9, 7), height_m: (10, 20), period_cells: 4)"), Path::new("")).unwrap();
+    let shape = |kind: &str| {
+        load(&format!("Shape(kind: {kind}, size: (9, 7), height_m: (10, 20), period_cells: 4)"), Path::new("")).unwrap()
+    };
     assert!(shape("Flat").heights_m.iter().all(|&height| height == 10.0));
     assert_eq!((shape("Ramp").height_m(0, 3), shape("Ramp").height_m(8, 3)), (10.0, 20.0));
     assert_eq!(shape("Spike").heights_m.iter().filter(|&&height| height == 20.0).count(), 1);
@@ -152,13 +219,16 @@ fn shapes_are_what_they_say_and_seeds_repeat() {
     assert_eq!((shape("Checkerboard").height_m(0, 0), shape("Checkerboard").height_m(2, 0)), (10.0, 20.0));
     assert_eq!((shape("Sine").height_m(1, 1), shape("GaussianHill").height_m(4, 3)), (20.0, 20.0));
     for kind in ["Fbm", "Ridged", "Billow", "Hybrid", "DomainWarped"] {
-        let noise = |seed: u32| load(&format!("Noise(kind: {kind}, seed: {seed}, size: (33, 17))"), Path::new("")).unwrap();
+        let noise =
+            |seed: u32| load(&format!("Noise(kind: {kind}, seed: {seed}, size: (33, 17))"), Path::new("")).unwrap();
         assert_eq!(noise(5).heights_m, noise(5).heights_m);
         assert_ne!(noise(5).heights_m, noise(6).heights_m);
         let (low, high) = noise(5).range_m();
         assert!(high > low + 10.0, "{kind} is flat");
     }
-    let octaves = |octaves: u32| load(&format!("Noise(kind: Fbm, persistence: 0, octaves: {octaves}, size: (9, 9))"), Path::new("")).unwrap();
+    let octaves = |octaves: u32| {
+        load(&format!("Noise(kind: Fbm, persistence: 0, octaves: {octaves}, size: (9, 9))"), Path::new("")).unwrap()
+    };
     assert_eq!(octaves(1).heights_m, octaves(8).heights_m, "octaves without amplitude");
 }
 

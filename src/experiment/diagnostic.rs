@@ -84,8 +84,8 @@ impl Diagnostic {
     }
 
     /// Adds the place only where none is known yet: a caller knows the file, its callee the exact spot.
-    pub fn or_at(self, origin: &Origin) -> Self {
-        if self.labels.is_empty() { self.at(origin, "") } else { self }
+    pub fn or_at(self, origin: &Origin, label: &str) -> Self {
+        if self.labels.is_empty() { self.at(origin, label) } else { self }
     }
 
     pub fn exit_code(&self) -> u8 {
@@ -98,9 +98,8 @@ impl Diagnostic {
     /// "did you mean" for a name that is not among the known ones.
     pub fn suggest<'a>(self, found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         let known: Vec<&str> = known.into_iter().collect();
-        let close = known.iter().max_by(|a, b| {
-            strsim::jaro_winkler(found, a).total_cmp(&strsim::jaro_winkler(found, b))
-        });
+        let close =
+            known.iter().max_by(|a, b| strsim::jaro_winkler(found, a).total_cmp(&strsim::jaro_winkler(found, b)));
         match close {
             Some(name) if strsim::jaro_winkler(found, name) > 0.8 => self.help(format!("did you mean `{name}`?")),
             _ if known.is_empty() => self.help("there are none here"),

@@ -34,7 +34,10 @@ pub struct Cell {
     /// The swept values, for the table and the records: path and value as written.
     pub settings: Vec<(String, String)>,
     pub scene: Scene,
-    pub scene_origin: Origin,
+    /// The scene as written, to point at parts of it.
+    pub scene_node: Node,
+    /// The list of measures, or the experiment if it has none.
+    pub measures_origin: Origin,
     pub stages: Vec<StageCall>,
     pub measures: Vec<Measure>,
 }
@@ -92,9 +95,8 @@ const FIELDS: [&str; 5] = ["title", "scene", "chains", "sweep", "measure"];
 impl Experiment {
     pub fn load(path: &Path) -> Result<Self, Diagnostic> {
         let shown = path.display();
-        let text = std::fs::read_to_string(path).map_err(|error| {
-            Diagnostic::input(format!("cannot read the experiment `{shown}`: {error}"))
-        })?;
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| Diagnostic::input(format!("cannot read the experiment `{shown}`: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         Self::read(Source::new(shown.to_string(), text), folder)
     }
@@ -211,8 +213,9 @@ impl Experiment {
             ],
         };
         let swept = swept.iter().map(|setting| (setting.path.clone(), setting.value.canonical())).collect();
-        let scene_origin = scene_node.origin.clone();
-        Ok(Cell { chain: chain.to_string(), settings: swept, scene, scene_origin, stages, measures })
+        let measures_origin = root.field("measure").map_or(root.head(), |node| node.origin.clone());
+        let scene_node = scene_node.clone();
+        Ok(Cell { chain: chain.to_string(), settings: swept, scene, scene_node, measures_origin, stages, measures })
     }
 }
 
@@ -290,7 +293,9 @@ fn position(list: &Node, name: &str) -> Option<usize> {
 
 fn read_measures(node: &Node) -> Result<Vec<Measure>, Diagnostic> {
     let Kind::List(items) = &node.kind else {
-        return Err(Diagnostic::input("`measure` is a list of measures").at(&node.origin, "expected `[ScreenError, ...]`"));
+        return Err(
+            Diagnostic::input("`measure` is a list of measures").at(&node.origin, "expected `[ScreenError, ...]`")
+        );
     };
     items.iter().map(read_measure).collect()
 }
@@ -327,7 +332,7 @@ fn check_scene(scene: &Scene, node: &Node) -> Result<(), Diagnostic> {
     }
     if !(1..=MOST_FRAMES).contains(&scene.camera.frames()) {
         return Err(Diagnostic::input(format!("a camera path of {} frames", scene.camera.frames()))
-            .at(at("camera"), format!("expected 1 to {MOST_FRAMES} frames")));
+            .at(&node.field("camera").unwrap_or(node).head(), format!("expected 1 to {MOST_FRAMES} frames")));
     }
     Ok(())
 }

@@ -123,9 +123,7 @@ pub fn read_setting(argument: &str) -> Result<Setting, Diagnostic> {
             .at(&Origin { source, range: 0..argument.len() }, "there is no `=` here"));
     };
     let key = Origin { source: source.clone(), range: 0..equals };
-    // blanks in front of the value keep its columns true
-    let padded = Source::new("--set", format!("{}{}", " ".repeat(equals + 1), &argument[equals + 1..]));
-    Ok(Setting { path: argument[..equals].trim().to_string(), value: Node::read(&padded)?, key })
+    Ok(Setting { path: argument[..equals].trim().to_string(), value: Node::read_from(&source, equals + 1)?, key })
 }
 
 /// The product of all axes that concern a chain. `concerns` says whether a path exists in it.
@@ -150,9 +148,9 @@ pub fn product(axes: &[Axis], concerns: impl Fn(&str) -> bool) -> Result<Vec<Vec
             .iter()
             .flat_map(|cell: &Vec<Setting>| {
                 let paths = &paths;
-                axis.rows.iter().map(move |row| {
-                    cell.iter().cloned().chain(paths.iter().map(|&at| setting(row, at))).collect()
-                })
+                axis.rows
+                    .iter()
+                    .map(move |row| cell.iter().cloned().chain(paths.iter().map(|&at| setting(row, at))).collect())
             })
             .collect();
     }

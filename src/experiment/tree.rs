@@ -41,7 +41,12 @@ pub struct Field {
 
 impl Node {
     pub fn read(source: &Arc<Source>) -> Result<Node, Diagnostic> {
-        let mut reader = Reader { source, at: 0 };
+        Self::read_from(source, 0)
+    }
+
+    /// Reads what stands after the first `start` bytes of a source.
+    pub fn read_from(source: &Arc<Source>, start: usize) -> Result<Node, Diagnostic> {
+        let mut reader = Reader { source, at: start };
         reader.skip_attributes()?;
         let node = reader.value()?;
         reader.skip_blank()?;
@@ -60,6 +65,14 @@ impl Node {
                 text.starts_with(|c: char| c.is_alphabetic() || c == '_').then_some(text)
             }
             _ => None,
+        }
+    }
+
+    /// Where the name stands, or the first line of a value without one: a place short enough to point at.
+    pub fn head(&self) -> Origin {
+        match &self.kind {
+            Kind::Struct { name: Some(name), .. } | Kind::Tuple { name: Some(name), .. } => name.clone(),
+            _ => first_line(&self.origin),
         }
     }
 
@@ -231,7 +244,7 @@ impl Rendered {
                 self.text[line_start..].chars().take(position.col.saturating_sub(1)).map(char::len_utf8).sum();
             let piece = self.pieces.partition_point(|(start, _)| *start <= line_start + column);
             let origin = piece.checked_sub(1).and_then(|at| self.pieces.get(at)).map_or(whole, |(_, origin)| origin);
-            Diagnostic::input(error.code.to_string()).at(&first_line(origin), "")
+            Diagnostic::input(error.code.to_string()).at(&first_line(origin), "here")
         })
     }
 }
@@ -298,8 +311,9 @@ impl<'a> Reader<'a> {
             } else if let Some(c) = self.peek() {
                 self.at += c.len_utf8();
             } else {
-                return Err(Diagnostic::input("this comment is never closed")
-                    .at(&self.origin(start..start + 2), "opened here"));
+                return Err(
+                    Diagnostic::input("this comment is never closed").at(&self.origin(start..start + 2), "opened here")
+                );
             }
         }
     }

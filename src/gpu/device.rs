@@ -64,7 +64,8 @@ fn summarize(adapter: &wgpu::Adapter) -> AdapterSummary {
         subgroup_max_size: info.subgroup_max_size,
         storage_binding_bytes: adapter.limits().max_storage_buffer_binding_size,
         // a software adapter works on the clock's own processor, and its stamps have been seen to be wrong
-        timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY) && info.device_type != wgpu::DeviceType::Cpu,
+        timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+            && info.device_type != wgpu::DeviceType::Cpu,
         runtime_checks: "off for built-in kernels".into(),
     }
 }
@@ -171,12 +172,18 @@ impl Gpu {
             let side = buffer.dims.iter().copied().max().unwrap_or(0);
             if is_image && side > self.limits.max_texture_dimension_2d {
                 let limit = self.limits.max_texture_dimension_2d.into();
-                return Err(GpuError::Limit { what: format!("a side of the image `{}`", buffer.name), needed: side.into(), adapter: adapter(), limit });
+                return Err(GpuError::Limit {
+                    what: format!("a side of the image `{}`", buffer.name),
+                    needed: side.into(),
+                    adapter: adapter(),
+                    limit,
+                });
             }
         }
         for step in &plan.steps {
             let Work::Groups(groups) = step.work else { continue };
-            let (most, limit) = (groups.into_iter().max().unwrap_or(0), self.limits.max_compute_workgroups_per_dimension);
+            let (most, limit) =
+                (groups.into_iter().max().unwrap_or(0), self.limits.max_compute_workgroups_per_dimension);
             if most > limit {
                 let what = format!("a side of the dispatch of `{}`, in workgroups,", step.label);
                 return Err(GpuError::Limit { what, needed: most.into(), adapter: adapter(), limit: limit.into() });

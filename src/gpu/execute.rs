@@ -38,9 +38,16 @@ pub struct Executor<'a> {
 /// Where a buffer of the plan lives.
 enum Place {
     Buffer(wgpu::Buffer),
-    Target { texture: wgpu::Texture, view: wgpu::TextureView, depth: wgpu::TextureView },
+    Target {
+        texture: wgpu::Texture,
+        view: wgpu::TextureView,
+        depth: wgpu::TextureView,
+    },
     /// The terrain, in the forms its kernels bind it.
-    Input { array: Option<wgpu::Buffer>, image: Option<(wgpu::Texture, wgpu::TextureView)> },
+    Input {
+        array: Option<wgpu::Buffer>,
+        image: Option<(wgpu::Texture, wgpu::TextureView)>,
+    },
 }
 
 impl Place {
@@ -126,6 +133,11 @@ impl<'a> Executor<'a> {
         self.by_steps(Often::Once, 0)
     }
 
+    /// Runs one step by itself.
+    pub fn step(&self, step: usize, frame: usize) -> Result<SubmissionTime, GpuError> {
+        self.submit(&[step], frame)
+    }
+
     fn by_steps(&self, often: Often, frame: usize) -> Result<SubmissionTime, GpuError> {
         let mut steps = Vec::new();
         for step in self.chosen(often) {
@@ -170,7 +182,8 @@ impl<'a> Executor<'a> {
                     beginning_of_pass_write_index: Some(first),
                     end_of_pass_write_index: Some(first + 1),
                 });
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&step.label), timestamp_writes });
+                let mut pass = encoder
+                    .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&step.label), timestamp_writes });
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, &prepared.bind_group, offset.as_slice());
                 match work {
@@ -201,7 +214,10 @@ impl<'a> Executor<'a> {
                     })],
                     depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                         view: depth,
-                        depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Discard }),
+                        depth_ops: Some(wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(0.0),
+                            store: wgpu::StoreOp::Discard,
+                        }),
                         stencil_ops: None,
                     }),
                     timestamp_writes,
@@ -220,7 +236,9 @@ impl<'a> Executor<'a> {
     fn times(&self, chosen: &[usize], wall_ms: f64) -> Result<SubmissionTime, GpuError> {
         let unmeasured = |&step: &usize| StepTime { step, ms: None };
         let none = SubmissionTime { wall_ms, gpu_ms: None, steps: chosen.iter().map(unmeasured).collect() };
-        let (Some(stamps), Some(&first), Some(&last)) = (&self.stamps, chosen.first(), chosen.last()) else { return Ok(none) };
+        let (Some(stamps), Some(&first), Some(&last)) = (&self.stamps, chosen.first(), chosen.last()) else {
+            return Ok(none);
+        };
         let bytes = self.map(&stamps.readable)?;
         let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&bytes);
         let tick_ms = f64::from(self.gpu.queue.get_timestamp_period()) / 1e6;
@@ -251,7 +269,11 @@ impl<'a> Executor<'a> {
                 let row = (texture.width() * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
                 let staging = make_buffer(self.gpu, &buffer.name, u64::from(row) * u64::from(texture.height()), usage)?;
                 let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-                encoder.copy_texture_to_buffer(texture.as_image_copy(), wgpu::TexelCopyBufferInfo { buffer: &staging, layout }, texture.size());
+                encoder.copy_texture_to_buffer(
+                    texture.as_image_copy(),
+                    wgpu::TexelCopyBufferInfo { buffer: &staging, layout },
+                    texture.size(),
+                );
                 staging
             }
             _ => return Ok(Vec::new()),
@@ -278,7 +300,11 @@ impl<'a> Executor<'a> {
     fn make_stamps(&self) -> Result<Stamps, GpuError> {
         let count = 2 * self.plan.steps.len() as u32;
         let queries = self.gpu.scoped("timestamps", || {
-            self.gpu.device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count })
+            self.gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
+                label: None,
+                ty: wgpu::QueryType::Timestamp,
+                count,
+            })
         })?;
         let bytes = u64::from(count) * 8;
         use wgpu::BufferUsages as Usage;
@@ -289,16 +315,24 @@ impl<'a> Executor<'a> {
         })
     }
 
-    fn prepare(&self, step: &Step, modules: &mut BTreeMap<String, wgpu::ShaderModule>, spare: &wgpu::Buffer) -> Result<Prepared, GpuError> {
+    fn prepare(
+        &self,
+        step: &Step,
+        modules: &mut BTreeMap<String, wgpu::ShaderModule>,
+        spare: &wgpu::Buffer,
+    ) -> Result<Prepared, GpuError> {
         let module = modules.entry(step.kernel.hash()).or_insert_with(|| make_module(self.gpu, &step.kernel));
         let entries: Vec<&Entry> = step
             .kernel
             .entries
             .iter()
-            .filter(|entry| entry.name == step.entry || matches!(&step.work, Work::Draw { fragment, .. } if *fragment == entry.name))
+            .filter(|entry| {
+                entry.name == step.entry || matches!(&step.work, Work::Draw { fragment, .. } if *fragment == entry.name)
+            })
             .collect();
         let params = self.make_params(step, &entries)?;
-        let (layout, bind_group) = self.bind(step, &entries, params.as_ref().map(|(buffer, bytes, _)| (buffer, *bytes)), spare)?;
+        let (layout, bind_group) =
+            self.bind(step, &entries, params.as_ref().map(|(buffer, bytes, _)| (buffer, *bytes)), spare)?;
         let constants: Vec<(&str, f64)> = step
             .constants
             .iter()
@@ -362,8 +396,13 @@ impl<'a> Executor<'a> {
             group_entries.into_iter().map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
         let device = &self.gpu.device;
         self.gpu.scoped(&format!("the bindings of `{}`", step.label), || {
-            let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &layout_entries });
-            let group = device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries });
+            let layout = device
+                .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &layout_entries });
+            let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+                label: None,
+                layout: &layout,
+                entries: &entries,
+            });
             let pipeline = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 bind_group_layouts: &[Some(&layout)],
                 ..Default::default()
@@ -380,7 +419,8 @@ impl<'a> Executor<'a> {
         params: Option<(&'r wgpu::Buffer, u64)>,
         spare: &'r wgpu::Buffer,
     ) -> Result<(wgpu::BindingType, wgpu::BindingResource<'r>), GpuError> {
-        let bound = step.bindings.iter().find(|(variable, _)| variable == name).and_then(|(_, id)| self.buffers[id.0].as_ref());
+        let bound =
+            step.bindings.iter().find(|(variable, _)| variable == name).and_then(|(_, id)| self.buffers[id.0].as_ref());
         match (kind, bound, params) {
             (BindingKind::Params(structure), _, Some((buffer, bytes))) => {
                 let size = std::num::NonZeroU64::new(bytes);
@@ -399,13 +439,21 @@ impl<'a> Executor<'a> {
                 };
                 let Some(buffer) = place.and_then(Place::array) else { return Ok((ty, spare.as_entire_binding())) };
                 // a block can be larger than its tenant, whose size is what arrayLength() has to say
-                let bytes = step.bindings.iter().find(|(variable, _)| variable == name).map_or(0, |(_, id)| self.plan.buffer(*id).bytes());
+                let bytes = step
+                    .bindings
+                    .iter()
+                    .find(|(variable, _)| variable == name)
+                    .map_or(0, |(_, id)| self.plan.buffer(*id).bytes());
                 let size = std::num::NonZeroU64::new(bytes);
                 Ok((ty, wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })))
             }
             (BindingKind::Image { float }, Some(place), _) => {
                 let ty = wgpu::BindingType::Texture {
-                    sample_type: if *float { wgpu::TextureSampleType::Float { filterable: false } } else { wgpu::TextureSampleType::Uint },
+                    sample_type: if *float {
+                        wgpu::TextureSampleType::Float { filterable: false }
+                    } else {
+                        wgpu::TextureSampleType::Uint
+                    },
                     view_dimension: wgpu::TextureViewDimension::D2,
                     multisampled: false,
                 };
@@ -422,7 +470,10 @@ impl<'a> Executor<'a> {
 }
 
 fn unbound(step: &Step, name: &str) -> GpuError {
-    GpuError::Refused { what: format!("the binding `{name}` of `{}`", step.label), why: "it is bound to nothing".into() }
+    GpuError::Refused {
+        what: format!("the binding `{name}` of `{}`", step.label),
+        why: "it is bound to nothing".into(),
+    }
 }
 
 fn upload(gpu: &Gpu, place: &Place, bytes: &[u8]) {
@@ -431,7 +482,8 @@ fn upload(gpu: &Gpu, place: &Place, bytes: &[u8]) {
         gpu.queue.write_buffer(array, 0, bytes);
     }
     if let Some((texture, _)) = image {
-        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * texture.width()), rows_per_image: None };
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * texture.width()), rows_per_image: None };
         gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, texture.size());
     }
 }
@@ -498,7 +550,8 @@ fn make_pipeline(
 fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> {
     use wgpu::BufferUsages as Usage;
     let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST | Usage::INDIRECT;
-    let slots = plan.slots.iter().enumerate().map(|(at, &bytes)| make_buffer(gpu, &format!("block {at}"), bytes, usage));
+    let slots =
+        plan.slots.iter().enumerate().map(|(at, &bytes)| make_buffer(gpu, &format!("block {at}"), bytes, usage));
     let slots: Vec<wgpu::Buffer> = slots.collect::<Result<_, _>>()?;
     let place = |(at, buffer): (usize, &crate::plan::Buffer)| match (buffer.lifetime, buffer.storage, buffer.slot) {
         (None, _, _) => Ok(None),
@@ -516,11 +569,18 @@ fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> 
 }
 
 fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
-    let descriptor = wgpu::BufferDescriptor { label: Some(name), size: bytes.max(16), usage, mapped_at_creation: false };
+    let descriptor =
+        wgpu::BufferDescriptor { label: Some(name), size: bytes.max(16), usage, mapped_at_creation: false };
     gpu.scoped(&format!("the buffer `{name}`"), || gpu.device.create_buffer(&descriptor))
 }
 
-fn make_texture(gpu: &Gpu, name: &str, (width, height): (u32, u32), format: wgpu::TextureFormat, usage: wgpu::TextureUsages) -> wgpu::Texture {
+fn make_texture(
+    gpu: &Gpu,
+    name: &str,
+    (width, height): (u32, u32),
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(name),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
@@ -536,7 +596,13 @@ fn make_texture(gpu: &Gpu, name: &str, (width, height): (u32, u32), format: wgpu
 fn make_image(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<(wgpu::Texture, wgpu::TextureView), GpuError> {
     use wgpu::TextureUsages as Usage;
     gpu.scoped(&format!("the image `{name}`"), || {
-        let texture = make_texture(gpu, name, (width, height), wgpu::TextureFormat::R32Float, Usage::TEXTURE_BINDING | Usage::COPY_DST);
+        let texture = make_texture(
+            gpu,
+            name,
+            (width, height),
+            wgpu::TextureFormat::R32Float,
+            Usage::TEXTURE_BINDING | Usage::COPY_DST,
+        );
         let view = texture.create_view(&Default::default());
         (texture, view)
     })
@@ -548,7 +614,11 @@ fn make_target(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<Place, 
     gpu.scoped(&format!("the render target `{name}`"), || {
         let colour = texture(COLOUR, Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC);
         let depth = texture(DEPTH, Usage::RENDER_ATTACHMENT);
-        Place::Target { view: colour.create_view(&Default::default()), depth: depth.create_view(&Default::default()), texture: colour }
+        Place::Target {
+            view: colour.create_view(&Default::default()),
+            depth: depth.create_view(&Default::default()),
+            texture: colour,
+        }
     })
 }
 

@@ -38,7 +38,9 @@ impl GpuError {
                 Some("install a driver; Debian's software adapter is `apt-get install mesa-vulkan-drivers libvulkan1`")
             }
             GpuError::UnknownAdapter { .. } => Some("`lodlab devices` lists them; a part of the name is enough"),
-            GpuError::BufferTooLarge { .. } => Some("crop or resample the terrain, or choose a smaller viewport or grid"),
+            GpuError::BufferTooLarge { .. } => {
+                Some("crop or resample the terrain, or choose a smaller viewport or grid")
+            }
             GpuError::OutOfMemory(_) => Some("crop or resample the terrain, or choose a smaller viewport or grid"),
             _ => None,
         }

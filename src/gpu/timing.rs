@@ -48,14 +48,23 @@ pub fn stamps_agree_with_clock(gpu: &Gpu) -> Result<bool, GpuError> {
 /// Milliseconds by the clock for all passes, and by the stamps for each.
 fn measure(gpu: &Gpu, turns: f64) -> Result<(f64, Vec<f64>), GpuError> {
     let device = &gpu.device;
-    let buffer = |size, usage| device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+    let buffer = |size, usage| {
+        device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+    };
     use wgpu::BufferUsages as Usage;
     let sink = buffer(u64::from(GROUPS) * 64 * 4, Usage::STORAGE);
     let bytes = u64::from(PASSES) * 16;
     let resolved = buffer(bytes, Usage::QUERY_RESOLVE | Usage::COPY_SRC);
     let readable = buffer(bytes, Usage::MAP_READ | Usage::COPY_DST);
-    let queries = device.create_query_set(&wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 * PASSES });
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source: wgpu::ShaderSource::Wgsl(KERNEL.into()) });
+    let queries = device.create_query_set(&wgpu::QuerySetDescriptor {
+        label: None,
+        ty: wgpu::QueryType::Timestamp,
+        count: 2 * PASSES,
+    });
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl(KERNEL.into()),
+    });
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
         layout: None,

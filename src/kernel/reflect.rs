@@ -122,9 +122,10 @@ pub fn reflect(assembled: &Assembled) -> Result<(Vec<Entry>, Vec<String>), Diagn
     let mut entries = Vec::new();
     for (index, entry) in module.entry_points.iter().enumerate() {
         let function = info.get_entry_point(index);
-        let used = module.global_variables.iter().filter(|(handle, variable)| {
-            variable.binding.is_some() && !function[*handle].is_empty()
-        });
+        let used = module
+            .global_variables
+            .iter()
+            .filter(|(handle, variable)| variable.binding.is_some() && !function[*handle].is_empty());
         let mut bindings = Vec::new();
         for (handle, variable) in used {
             bindings.push(binding(assembled, &module, handle, variable)?);
@@ -145,7 +146,7 @@ fn diagnose(assembled: &Assembled, message: String, labels: Vec<(Span, String)>,
         }
     }
     diagnostic.help = note;
-    diagnostic.or_at(&assembled.main.everywhere())
+    diagnostic.or_at(&assembled.main.everywhere(), "in this kernel")
 }
 
 fn binding(
@@ -172,7 +173,9 @@ fn binding(
         (AddressSpace::Storage { access }, TypeInner::Array { base, .. }) => {
             match Elem::from_type(&module.types[*base].inner) {
                 Some(elem) => BindingKind::Storage { elem, written: access.contains(StorageAccess::STORE) },
-                None => return refuse("is an array of a type that no buffer has: f32, u32, i32, vec2 and vec4 of them"),
+                None => {
+                    return refuse("is an array of a type that no buffer has: f32, u32, i32, vec2 and vec4 of them");
+                }
             }
         }
         (AddressSpace::Handle, TypeInner::Sampler { comparison: false }) => BindingKind::Sampler,

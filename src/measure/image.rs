@@ -38,7 +38,8 @@ pub fn ssim(a: Picture, b: Picture) -> f64 {
 
 /// Rec. 709 weights on the stored values.
 fn luminance(picture: Picture) -> Vec<f64> {
-    let weigh = |&pixel: &u32| [0.2126, 0.7152, 0.0722].iter().zip(0..).map(|(w, c)| w * f64::from(channel(pixel, c))).sum();
+    let weigh =
+        |&pixel: &u32| [0.2126, 0.7152, 0.0722].iter().zip(0..).map(|(w, c)| w * f64::from(channel(pixel, c))).sum();
     picture.pixels.iter().map(weigh).collect()
 }
 

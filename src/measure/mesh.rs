@@ -46,7 +46,8 @@ pub fn grid_triangles(vertices: &[[f32; 4]], columns: usize) -> Triangles {
 /// Edges that belong to one triangle and are not on the border: the neighbour across it, if any, has other
 /// end points, and a ray can pass between. Compared bit for bit.
 pub fn cracks(mesh: &Triangles) -> usize {
-    let mut edges: Vec<Edge> = mesh.corners.iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
+    let mut edges: Vec<Edge> =
+        mesh.corners.iter().flat_map(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
     edges.retain(|[a, b]| a != b);
     edges.sort_unstable();
     edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1 && mesh.border.binary_search(&same[0]).is_err()).count()

@@ -38,7 +38,8 @@ pub fn frame(terrain: &HeightField, surface: Surface, camera: &Camera, drawn_m: 
         off_px as f32
     };
     let error_px: Vec<f32> = drawn_m.par_iter().enumerate().map(pixel_error).collect();
-    let count = |pick: fn(f32, f32) -> bool| drawn_m.iter().zip(true_m).filter(|(drawn, truth)| pick(**drawn, **truth)).count();
+    let count =
+        |pick: fn(f32, f32) -> bool| drawn_m.iter().zip(true_m).filter(|(drawn, truth)| pick(**drawn, **truth)).count();
     FrameError {
         error_px,
         silhouette_misses: count(|drawn, truth| (drawn < 0.0) != (truth < 0.0)),

@@ -85,6 +85,8 @@ pub struct Chain<'a> {
     stage: String,
     stage_index: usize,
     origin: Origin,
+    /// Stages after this one and what they make.
+    later: Vec<(String, Vec<String>)>,
 }
 
 impl<'a> Chain<'a> {
@@ -111,6 +113,7 @@ impl<'a> Chain<'a> {
             stage: String::new(),
             stage_index: 0,
             origin: origin.clone(),
+            later: Vec::new(),
         }
     }
 
@@ -125,14 +128,25 @@ impl<'a> Chain<'a> {
         &self.origin
     }
 
+    /// Says what the stages after this one make, for the message to somebody who has the order wrong.
+    pub fn announce(&mut self, later: Vec<(String, Vec<String>)>) {
+        self.later = later;
+    }
+
     /// A buffer that a stage before this one made, or the terrain's `height`.
     pub fn read(&self, name: &str) -> Result<BufferId, Diagnostic> {
-        match self.buffers.iter().rposition(|buffer| buffer.name == name) {
-            Some(at) => Ok(BufferId(at)),
-            None => Err(Diagnostic::input(format!("`{}` needs the buffer `{name}`, which no stage before it makes", self.stage))
-                .at(&self.origin, "this stage")
-                .suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str()))),
+        if let Some(at) = self.buffers.iter().rposition(|buffer| buffer.name == name) {
+            return Ok(BufferId(at));
         }
+        let later = self.later.iter().find(|(_, makes)| makes.iter().any(|made| made == name));
+        let message = format!("`{}` needs the buffer `{name}`, which no stage before it makes", self.stage);
+        let message = Diagnostic::input(message).at(&self.origin, "this stage");
+        Err(match later {
+            Some((stage, _)) => message.help(format!(
+                "`{stage}` makes it further down, but a chain runs in order: move `{stage}` up; if it needs this stage in turn, the two are a cycle"
+            )),
+            None => message.suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str())),
+        })
     }
 
     pub fn buffer(&self, id: BufferId) -> &Buffer {
@@ -198,7 +212,11 @@ impl<'a> Chain<'a> {
 
     /// Names of the buffers that stages make, in order.
     pub fn made(&self) -> Vec<String> {
-        self.buffers.iter().filter(|buffer| buffer.storage != Storage::Input).map(|buffer| buffer.name.clone()).collect()
+        self.buffers
+            .iter()
+            .filter(|buffer| buffer.storage != Storage::Input)
+            .map(|buffer| buffer.name.clone())
+            .collect()
     }
 
     /// Names of the buffers that the last step writes: what the chain is for.
@@ -349,30 +367,44 @@ impl StepBuilder<'_, '_> {
                     let storage = if *float { Storage::Input } else { Storage::Target };
                     if buffer.storage != storage {
                         let what = if *float { "the terrain" } else { "a render target" };
-                        let message = format!("`{}` is an image of {what}, which the buffer `{}` is not", binding.name, buffer.name);
+                        let message = format!(
+                            "`{}` is an image of {what}, which the buffer `{}` is not",
+                            binding.name, buffer.name
+                        );
                         return Err(self.mistake(message, &binding.origin));
                     }
                     reads.push(id);
                 }
             }
         }
-        if let Some(&id) = writes.iter().find(|&id| self.chain.buffer(*id).storage == Storage::Input || reads.contains(id)) {
+        if let Some(&id) =
+            writes.iter().find(|&id| self.chain.buffer(*id).storage == Storage::Input || reads.contains(id))
+        {
             let name = &self.chain.buffer(id).name;
-            let what = if reads.contains(&id) { "is read and written by the same kernel" } else { "is the terrain and cannot be written" };
+            let what = if reads.contains(&id) {
+                "is read and written by the same kernel"
+            } else {
+                "is the terrain and cannot be written"
+            };
             return Err(Diagnostic::input(format!("`{name}` {what}"))
                 .at(&self.chain.origin, "this stage")
                 .help("write a new buffer, or use `ping_pong`"));
         }
-        let known: Vec<&String> = entries.iter().flat_map(|entry| &entry.bindings).map(|binding| &binding.name).collect();
+        let known: Vec<&String> =
+            entries.iter().flat_map(|entry| &entry.bindings).map(|binding| &binding.name).collect();
         if let Some((name, _)) = self.step.bindings.iter().find(|(name, _)| !known.contains(&name)) {
             return Err(Diagnostic::input(format!("the kernel `{}` uses no binding `{name}`", self.step.kernel.name))
                 .at(&self.chain.origin, "bound here")
                 .suggest(name, known.iter().map(|name| name.as_str())));
         }
-        let used: Vec<String> = entries.iter().flat_map(|entry| &entry.bindings).flat_map(|binding| match &binding.kind {
-            BindingKind::Params(structure) => structure.fields.iter().map(|field| field.name.clone()).collect(),
-            _ => Vec::new(),
-        }).collect();
+        let used: Vec<String> = entries
+            .iter()
+            .flat_map(|entry| &entry.bindings)
+            .flat_map(|binding| match &binding.kind {
+                BindingKind::Params(structure) => structure.fields.iter().map(|field| field.name.clone()).collect(),
+                _ => Vec::new(),
+            })
+            .collect();
         self.step.params.retain(|(name, _)| used.contains(name));
         self.step.reads.extend(reads);
         self.step.writes.extend(writes);

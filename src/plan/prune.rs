@@ -14,7 +14,8 @@ pub fn classify(plan: &mut Plan) {
             plan.steps[index + 1..].iter().any(|later| later.writes.contains(id) && later.is_per_frame())
         };
         let own = |id: &BufferId| step.writes.contains(id);
-        let once = !step.is_per_frame() && step.reads.iter().all(|id| own(id) || fixed(id)) && !written.iter().any(rewritten);
+        let once =
+            !step.is_per_frame() && step.reads.iter().all(|id| own(id) || fixed(id)) && !written.iter().any(rewritten);
         let often = if once { Often::Once } else { Often::EveryFrame };
         plan.steps[index].often = often;
         for id in written {

@@ -34,10 +34,20 @@ fn write_page(
     pictures: &[Pictures],
 ) -> std::fmt::Result {
     let title = escape(title);
-    write!(html, "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>")?;
+    write!(
+        html,
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
+    )?;
     if let Some(record) = records.first() {
         let adapter = &record.adapter;
-        write!(html, "<p>{} cells on {} ({}), {}.</p>", records.len(), escape(&adapter.name), escape(&adapter.driver), escape(&adapter.backend))?;
+        write!(
+            html,
+            "<p>{} cells on {} ({}), {}.</p>",
+            records.len(),
+            escape(&adapter.name),
+            escape(&adapter.driver),
+            escape(&adapter.backend)
+        )?;
     }
     if let Some(svg) = pareto {
         write!(html, "<h2>Error against run time</h2>{svg}")?;
@@ -54,7 +64,10 @@ fn write_page(
     }
     write!(html, "</tr></table><h2>Kernel times</h2>")?;
     write_kernels(html, records)?;
-    write!(html, "<h2>Pictures</h2><p>Final image and screen-space error of the middle frame: black is none, white four thresholds or more, grey sky, blue sky and surface mixed up.</p>")?;
+    write!(
+        html,
+        "<h2>Pictures</h2><p>Final image and screen-space error of the middle frame: black is none, white four thresholds or more, grey sky, blue sky and surface mixed up.</p>"
+    )?;
     for cell in pictures {
         write!(html, "<figure>")?;
         for png in [&cell.image, &cell.error].into_iter().flatten() {
@@ -65,17 +78,29 @@ fn write_page(
     }
     write!(html, "<h2>Plans</h2>")?;
     for record in records {
-        write!(html, "<details><summary>{}</summary><pre>{}</pre></details>", escape(&record.label()), escape(&record.plan))?;
+        write!(
+            html,
+            "<details><summary>{}</summary><pre>{}</pre></details>",
+            escape(&record.label()),
+            escape(&record.plan)
+        )?;
     }
     write!(html, "</html>")
 }
 
 fn write_kernels(html: &mut String, records: &[Record]) -> std::fmt::Result {
-    write!(html, "<table><tr><th>cell</th><th>stage</th><th>step</th><th>ms (median)</th><th>quartiles</th><th>samples</th></tr>")?;
+    write!(
+        html,
+        "<table><tr><th>cell</th><th>stage</th><th>step</th><th>ms (median)</th><th>quartiles</th><th>samples</th></tr>"
+    )?;
     for record in records {
         for time in &record.timings.kernels {
             let (median, quartiles, samples) = match &time.ms {
-                Some(ms) => (format!("{:.3}", ms.median), format!("{:.3} .. {:.3}", ms.lower_quartile, ms.upper_quartile), ms.samples),
+                Some(ms) => (
+                    format!("{:.3}", ms.median),
+                    format!("{:.3} .. {:.3}", ms.lower_quartile, ms.upper_quartile),
+                    ms.samples,
+                ),
                 None => ("not measured".into(), String::new(), 0),
             };
             let often = if time.once { " (once)" } else { "" };

@@ -44,7 +44,9 @@ fn point(record: &Record) -> Option<Point<'_>> {
 fn front<'a>(points: &'a [Point<'a>]) -> Vec<&'a Point<'a>> {
     let beaten = |point: &Point| {
         points.iter().any(|other| {
-            other.ms <= point.ms && other.error_px <= point.error_px && (other.ms < point.ms || other.error_px < point.error_px)
+            other.ms <= point.ms
+                && other.error_px <= point.error_px
+                && (other.ms < point.ms || other.error_px < point.error_px)
         })
     };
     let mut front: Vec<&Point> = points.iter().filter(|point| !beaten(point)).collect();
@@ -54,7 +56,8 @@ fn front<'a>(points: &'a [Point<'a>]) -> Vec<&'a Point<'a>> {
 
 fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn std::error::Error>> {
     let range = |pick: fn(&Point) -> f64| {
-        let (low, high) = points.iter().map(pick).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
+        let (low, high) =
+            points.iter().map(pick).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
         low / 1.6..high * 1.6
     };
     let root = SVGBackend::with_string(text, (900, 560)).into_drawing_area();
@@ -76,7 +79,10 @@ fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn 
         .draw()?;
     let front = front(points);
     chart
-        .draw_series(LineSeries::new(front.iter().map(|point| (point.ms, point.error_px)), RGBColor(250, 205, 90).stroke_width(9)))?
+        .draw_series(LineSeries::new(
+            front.iter().map(|point| (point.ms, point.error_px)),
+            RGBColor(250, 205, 90).stroke_width(9),
+        ))?
         .label("front")
         .legend(|(x, y)| PathElement::new([(x, y), (x + 20, y)], RGBColor(250, 205, 90).stroke_width(9)));
     let mut chains: Vec<&str> = points.iter().map(|point| point.chain).collect();
@@ -97,7 +103,12 @@ fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn 
         };
         chart.draw_series(curve.iter().map(name))?;
     }
-    chart.configure_series_labels().border_style(BLACK).background_style(WHITE).label_font(("sans-serif", 14)).draw()?;
+    chart
+        .configure_series_labels()
+        .border_style(BLACK)
+        .background_style(WHITE)
+        .label_font(("sans-serif", 14))
+        .draw()?;
     root.present()?;
     drop(chart);
     drop(root);

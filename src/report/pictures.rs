@@ -4,7 +4,8 @@ use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 /// A picture with red in the lowest byte of each pixel.
 pub fn colour_png(width: u32, pixels: &[u32]) -> Vec<u8> {
-    let rgb: Vec<u8> = pixels.iter().flat_map(|pixel| [*pixel as u8, (*pixel >> 8) as u8, (*pixel >> 16) as u8]).collect();
+    let rgb: Vec<u8> =
+        pixels.iter().flat_map(|pixel| [*pixel as u8, (*pixel >> 8) as u8, (*pixel >> 16) as u8]).collect();
     encode(width, &rgb)
 }
 

@@ -39,7 +39,11 @@ impl Identity {
             changes.push("parameters".to_string());
         }
         let old = |name: &String| earlier.kernels.iter().find(|(known, _)| known == name).map(|(_, hash)| hash);
-        let kernels = self.kernels.iter().filter(|(name, hash)| old(name) != Some(hash)).map(|(name, _)| format!("kernel {name}"));
+        let kernels = self
+            .kernels
+            .iter()
+            .filter(|(name, hash)| old(name) != Some(hash))
+            .map(|(name, _)| format!("kernel {name}"));
         changes.extend(kernels);
         if self.terrain != earlier.terrain {
             changes.push("terrain".into());
@@ -113,7 +117,10 @@ impl Record {
 
     /// Chain and settings: what the user calls this cell.
     pub fn label(&self) -> String {
-        let settings = self.settings.iter().map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
+        let settings = self
+            .settings
+            .iter()
+            .map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
         [vec![self.chain.clone()], settings.collect()].concat().join(" ")
     }
 
@@ -161,7 +168,8 @@ impl Store {
     }
 
     pub fn save(&self, record: &Record) -> Result<(), Diagnostic> {
-        let json = serde_json::to_vec_pretty(record).map_err(|error| Diagnostic::run(format!("a record cannot be written: {error}")))?;
+        let json = serde_json::to_vec_pretty(record)
+            .map_err(|error| Diagnostic::run(format!("a record cannot be written: {error}")))?;
         self.write(&format!("cells/{}.json", record.hash), &json)
     }
 
@@ -169,11 +177,12 @@ impl Store {
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Diagnostic> {
         let path = self.folder.join(name);
         let folder = path.parent().unwrap_or(&self.folder);
-        let written = fs::create_dir_all(folder).and_then(|()| tempfile::NamedTempFile::new_in(folder)).and_then(|mut file| {
-            file.write_all(bytes)?;
-            file.as_file().sync_all()?;
-            file.persist(&path).map_err(|error| error.error)
-        });
+        let written =
+            fs::create_dir_all(folder).and_then(|()| tempfile::NamedTempFile::new_in(folder)).and_then(|mut file| {
+                file.write_all(bytes)?;
+                file.as_file().sync_all()?;
+                file.persist(&path).map_err(|error| error.error)
+            });
         written.map(|_| ()).map_err(|error| cannot_write(&path, &error))
     }
 }
@@ -193,12 +202,23 @@ pub fn csv(records: &[Record]) -> Result<Vec<u8>, csv::Error> {
     let (names, paths) = (in_order(names), in_order(paths));
     let mut writer = csv::Writer::from_writer(Vec::new());
     let fixed = ["cell", "experiment", "chain"];
-    let times = ["frame_gpu_ms", "frame_gpu_ms_q1", "frame_gpu_ms_q3", "frame_wall_ms", "samples", "once_ms", "bytes", "adapter"];
+    let times = [
+        "frame_gpu_ms",
+        "frame_gpu_ms_q1",
+        "frame_gpu_ms_q3",
+        "frame_wall_ms",
+        "samples",
+        "once_ms",
+        "bytes",
+        "adapter",
+    ];
     writer.write_record(fixed.iter().chain(&paths).chain(&names).chain(&times))?;
     for record in records {
         let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
         let mut row = vec![record.hash.clone(), record.experiment.clone(), record.chain.clone()];
-        let setting = |path: &&str| record.settings.iter().find(|(known, _)| known == path).map_or(String::new(), |(_, value)| value.clone());
+        let setting = |path: &&str| {
+            record.settings.iter().find(|(known, _)| known == path).map_or(String::new(), |(_, value)| value.clone())
+        };
         row.extend(paths.iter().map(setting));
         row.extend(names.iter().map(|name| number(record.measure(name))));
         let gpu = record.timings.frame_gpu_ms.as_ref();

@@ -4,9 +4,8 @@ use comfy_table::{CellAlignment, Table, presets};
 
 use super::Record;
 
-pub const HEADER: [&str; 10] = [
-    "cell", "error mean px", "rms", "p99", "max", "over %", "sky miss %", "psnr dB", "frame ms", "triangles",
-];
+pub const HEADER: [&str; 10] =
+    ["cell", "error mean px", "rms", "p99", "max", "over %", "sky miss %", "psnr dB", "frame ms", "triangles"];
 
 /// One row a record; a dash is "not measured".
 pub fn rows(records: &[Record]) -> Vec<Vec<String>> {

@@ -60,7 +60,8 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Results, 
         timings(plan, &executor, &once, &times, &times)
     } else {
         warnings.push("timestamps are missing or contradict the clock: times are wall times".to_string());
-        let steps: Vec<SubmissionTime> = (0..plan.frames).map(|frame| executor.frame_by_steps(frame)).collect::<Result<_, _>>()?;
+        let steps: Vec<SubmissionTime> =
+            (0..plan.frames).map(|frame| executor.frame_by_steps(frame)).collect::<Result<_, _>>()?;
         timings(plan, &executor, &executor.setup_by_steps()?, &times, &steps)
     };
     let (measures, buffers) = tally.finish();
@@ -130,10 +131,12 @@ impl<'c, 'a> Tally<'c, 'a> {
     fn distance(&mut self, frame: usize, drawn_m: &[f32], truth: &TruthFrame) -> Result<(), Diagnostic> {
         let data = &self.context.prepared.data;
         let surface = data.scene.surface;
-        let error: FrameError = screen_error::frame(&data.terrain, surface, &data.cameras[frame], drawn_m, &truth.distance_m);
+        let error: FrameError =
+            screen_error::frame(&data.terrain, surface, &data.cameras[frame], drawn_m, &truth.distance_m);
         self.errors.add(&error);
         if self.is_pictured(frame) {
-            let mixed_up: Vec<bool> = drawn_m.iter().zip(&truth.distance_m).map(|(a, b)| (*a < 0.0) != (*b < 0.0)).collect();
+            let mixed_up: Vec<bool> =
+                drawn_m.iter().zip(&truth.distance_m).map(|(a, b)| (*a < 0.0) != (*b < 0.0)).collect();
             let threshold_px = self.context.prepared.cell.threshold_px();
             let png = pictures::error_png(data.scene.viewport.0, &error.error_px, &mixed_up, threshold_px);
             self.context.store.write(&picture_name(self.context.hash, "error"), &png)?;
@@ -151,7 +154,9 @@ impl<'c, 'a> Tally<'c, 'a> {
         }
         self.ssim.push(image::ssim(drawn, exact));
         if self.is_pictured(frame) {
-            self.context.store.write(&picture_name(self.context.hash, "image"), &pictures::colour_png(width, pixels))?;
+            self.context
+                .store
+                .write(&picture_name(self.context.hash, "image"), &pictures::colour_png(width, pixels))?;
         }
         Ok(())
     }
@@ -176,7 +181,11 @@ impl<'c, 'a> Tally<'c, 'a> {
             let psnr = self.psnr_db.iter().copied().reduce(f64::min);
             measures.push(Measured::new("psnr", psnr, "dB"));
             measures.push(Measured::new("ssim", self.ssim.iter().copied().reduce(f64::min), ""));
-            measures.push(Measured::new("equal_pictures", f64::from(self.equal_pictures && self.psnr_db.is_empty()), ""));
+            measures.push(Measured::new(
+                "equal_pictures",
+                f64::from(self.equal_pictures && self.psnr_db.is_empty()),
+                "",
+            ));
         }
         if cell.wants("Mesh") {
             measures.extend(self.mesh.measures());
@@ -209,7 +218,12 @@ fn timings(
         .map(|(at, step)| {
             let is_once = step.often == Often::Once;
             let submissions = if is_once { std::slice::from_ref(once) } else { by_steps };
-            KernelTime { stage: step.stage.clone(), step: step.label.clone(), once: is_once, ms: of_step(at, submissions) }
+            KernelTime {
+                stage: step.stage.clone(),
+                step: step.label.clone(),
+                once: is_once,
+                ms: of_step(at, submissions),
+            }
         })
         .collect();
     let inside = |submission: &SubmissionTime| submission.steps.iter().map(|time| time.ms).sum::<Option<f64>>();

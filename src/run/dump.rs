@@ -27,7 +27,11 @@ pub fn npy(buffer: &Buffer, bytes: &[u8]) -> Result<Vec<u8>, Diagnostic> {
     Ok(out)
 }
 
-fn write<T: npyz::Serialize + npyz::AutoSerialize>(out: &mut Vec<u8>, shape: &[u64], values: Vec<T>) -> std::io::Result<()> {
+fn write<T: npyz::Serialize + npyz::AutoSerialize>(
+    out: &mut Vec<u8>,
+    shape: &[u64],
+    values: Vec<T>,
+) -> std::io::Result<()> {
     let mut writer = npyz::WriteOptions::new().default_dtype().shape(shape).writer(out).begin_nd()?;
     writer.extend(values)?;
     writer.finish()

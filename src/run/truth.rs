@@ -62,7 +62,9 @@ impl<'a> Truth<'a> {
             return Ok(kept.clone());
         }
         self.executor.frame(frame)?;
-        let [distance, colour] = self.plan.outputs[..] else { return Err(GpuError::Lost("the truth has two outputs".into())) };
+        let [distance, colour] = self.plan.outputs[..] else {
+            return Err(GpuError::Lost("the truth has two outputs".into()));
+        };
         let made = TruthFrame {
             distance_m: bytemuck::pod_collect_to_vec(&self.executor.read(distance)?),
             colour: bytemuck::pod_collect_to_vec(&self.executor.read(colour)?),

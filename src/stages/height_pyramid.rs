@@ -87,10 +87,17 @@ impl Stage for HeightPyramid {
         for level in (1..=top).step_by(3) {
             let levels = (top - level + 1).min(3);
             let label = format!("levels {level} to {}", level + levels - 1);
-            let mut step = chain.step(&label, &kernel, "main").bind("height", height).constant("FROM_SAMPLES", f64::from(level == 1));
+            let mut step = chain
+                .step(&label, &kernel, "main")
+                .bind("height", height)
+                .constant("FROM_SAMPLES", f64::from(level == 1));
             // past its own top a pyramid has nothing to write
             if level <= bounds.top {
-                step = step.bind_if_wanted("height_max", highest, "WRITE_MAX").bind_if_wanted("height_min", lowest, "WRITE_MIN");
+                step = step.bind_if_wanted("height_max", highest, "WRITE_MAX").bind_if_wanted(
+                    "height_min",
+                    lowest,
+                    "WRITE_MIN",
+                );
             } else {
                 step = step.bind("height_max", highest).bind("height_min", lowest);
                 step = step.constant("WRITE_MAX", 0.0).constant("WRITE_MIN", 0.0);

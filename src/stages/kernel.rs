@@ -22,9 +22,17 @@ pub const INFO: Info = Info {
     params: &[
         ("file", "required", "WGSL file, relative to the experiment"),
         ("entry", "\"main\"", "entry point"),
-        ("bind", "required", "map from WGSL variables to buffers: \"name\", or New(name: .., of: F32, like: \"name\" or size: (columns, rows))"),
+        (
+            "bind",
+            "required",
+            "map from WGSL variables to buffers: \"name\", or New(name: .., of: F32, like: \"name\" or size: (columns, rows))",
+        ),
         ("params", "()", "fields of the kernel's uniform structure"),
-        ("over", "required", "the elements to run over: \"buffer\" or (columns, rows)"),
+        (
+            "over",
+            "required",
+            "the elements to run over: \"buffer\", (columns, rows), or Indirect(\"buffer of three u32\")",
+        ),
         ("repeat", "1", "how often it runs a frame"),
         ("ping_pong", "None", "(read, written): variables whose buffers swap between repetitions"),
     ],
@@ -61,11 +69,23 @@ struct New {
     size: Option<(u32, u32)>,
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "expected a buffer's name or (columns, rows)")]
+/// The elements a kernel runs over.
+#[derive(Clone, Debug)]
 enum Over {
     Buffer(String),
     Size(u32, u32),
+    /// The number of workgroups stands in a buffer of three u32 on the GPU; zero of them run nothing.
+    Indirect(String),
+}
+
+fn read_over(node: &Node) -> Result<Over, Diagnostic> {
+    match (&node.kind, node.name()) {
+        (Kind::Tuple { items, .. }, Some("Indirect")) if items.len() == 1 => items[0].parse().map(Over::Indirect),
+        (Kind::Tuple { name: None, .. }, _) => node.parse().map(|(columns, rows)| Over::Size(columns, rows)),
+        (Kind::Leaf, None) => node.parse().map(Over::Buffer),
+        _ => Err(Diagnostic::input("a kernel runs over the elements of something")
+            .at(&node.head(), "expected \"buffer\", (columns, rows) or Indirect(\"buffer\")")),
+    }
 }
 
 const FIELDS: [&str; 7] = ["file", "entry", "bind", "params", "over", "repeat", "ping_pong"];
@@ -73,7 +93,9 @@ const MOST_REPEATS: u32 = 10_000;
 
 fn read(node: &Node, folder: &Path) -> Result<Box<dyn Stage>, Diagnostic> {
     let Kind::Struct { fields, .. } = &node.kind else {
-        return Err(Diagnostic::input("`Kernel` needs at least `file`, `bind` and `over`").at(&node.origin, "this stage"));
+        return Err(
+            Diagnostic::input("`Kernel` needs at least `file`, `bind` and `over`").at(&node.origin, "this stage")
+        );
     };
     if let Some(unknown) = fields.iter().find(|field| !FIELDS.contains(&field.name.as_str())) {
         return Err(Diagnostic::input(format!("`Kernel` has no field `{}`", unknown.name))
@@ -81,14 +103,14 @@ fn read(node: &Node, folder: &Path) -> Result<Box<dyn Stage>, Diagnostic> {
             .suggest(&unknown.name, FIELDS));
     }
     let need = |name: &str| {
-        node.field(name).ok_or_else(|| {
-            Diagnostic::input(format!("`Kernel` needs `{name}`")).at(&first_word(node), "this stage")
-        })
+        node.field(name)
+            .ok_or_else(|| Diagnostic::input(format!("`Kernel` needs `{name}`")).at(&first_word(node), "this stage"))
     };
     let file_node = need("file")?;
     let path = folder.join(file_node.parse::<String>()?);
     let text = std::fs::read_to_string(&path).map_err(|error| {
-        Diagnostic::input(format!("cannot read the kernel `{}`: {error}", path.display())).at(&file_node.origin, "this file")
+        Diagnostic::input(format!("cannot read the kernel `{}`: {error}", path.display()))
+            .at(&file_node.origin, "this file")
     })?;
     let kernel = Wgsl::from_source(Source::new(path.display().to_string(), text), false)?;
     let entry: String = node.field("entry").map_or(Ok("main".into()), Node::parse)?;
@@ -96,14 +118,15 @@ fn read(node: &Node, folder: &Path) -> Result<Box<dyn Stage>, Diagnostic> {
     let repeat: u32 = node.field("repeat").map_or(Ok(1), Node::parse)?;
     if !(1..=MOST_REPEATS).contains(&repeat) {
         let origin = node.field("repeat").map_or(&node.origin, |node| &node.origin);
-        return Err(Diagnostic::input(format!("a kernel repeated {repeat} times")).at(origin, format!("expected 1 to {MOST_REPEATS}")));
+        return Err(Diagnostic::input(format!("a kernel repeated {repeat} times"))
+            .at(origin, format!("expected 1 to {MOST_REPEATS}")));
     }
     let over = need("over")?;
     Ok(Box::new(Kernel {
         entry,
         bind: read_bind(need("bind")?)?,
         params: read_params(node.field("params"), &kernel)?,
-        over: over.parse()?,
+        over: read_over(over)?,
         over_origin: over.origin.clone(),
         repeat,
         ping_pong: node.field("ping_pong").map(Node::parse).transpose()?,
@@ -118,7 +141,8 @@ fn first_word(node: &Node) -> Origin {
 
 fn read_bind(node: &Node) -> Result<Vec<(String, Bound, Origin)>, Diagnostic> {
     let Kind::Map(entries) = &node.kind else {
-        return Err(Diagnostic::input("`bind` is a map from WGSL variables to buffers").at(&node.origin, "expected `{ \"variable\": \"buffer\" }`"));
+        return Err(Diagnostic::input("`bind` is a map from WGSL variables to buffers")
+            .at(&node.origin, "expected `{ \"variable\": \"buffer\" }`"));
     };
     let bound = |value: &Node| match value.name() {
         Some(_) => value.parse().map(Bound::New),
@@ -132,9 +156,12 @@ fn read_params(node: Option<&Node>, kernel: &Wgsl) -> Result<Vec<(String, Node, 
         None => return Ok(Vec::new()),
         Some((Kind::Tuple { items, .. }, _)) if items.is_empty() => return Ok(Vec::new()),
         Some((Kind::Struct { fields, .. }, _)) => fields,
-        Some((_, origin)) => return Err(Diagnostic::input("`params` is a structure").at(origin, "expected `(name: value)`")),
+        Some((_, origin)) => {
+            return Err(Diagnostic::input("`params` is a structure").at(origin, "expected `(name: value)`"));
+        }
     };
-    let known: Vec<&str> = structures(kernel).flat_map(|structure| &structure.fields).map(|field| field.name.as_str()).collect();
+    let known: Vec<&str> =
+        structures(kernel).flat_map(|structure| &structure.fields).map(|field| field.name.as_str()).collect();
     if let Some(unknown) = fields.iter().find(|field| !known.contains(&field.name.as_str())) {
         return Err(Diagnostic::input(format!("`{}` has no parameter `{}`", kernel.name, unknown.name))
             .at(&unknown.origin, "unknown parameter")
@@ -173,9 +200,15 @@ impl Kernel {
 
     fn size(&self, chain: &Chain, new: &New, origin: &Origin) -> Result<Vec<u32>, Diagnostic> {
         match (&new.like, new.size) {
-            (Some(like), None) => chain.read(like).map(|id| chain.buffer(id).dims.clone()).map_err(|error| error.at(origin, "sized like it here")),
+            (Some(like), None) => chain
+                .read(like)
+                .map(|id| chain.buffer(id).dims.clone())
+                .map_err(|error| error.at(origin, "sized like it here")),
             (None, Some((columns, rows))) if columns > 0 && rows > 0 => Ok(vec![rows, columns]),
-            (None, Some(size)) => Err(Diagnostic::input(format!("a buffer of {} x {} elements holds nothing", size.0, size.1)).at(origin, "this size")),
+            (None, Some(size)) => {
+                Err(Diagnostic::input(format!("a buffer of {} x {} elements holds nothing", size.0, size.1))
+                    .at(origin, "this size"))
+            }
             _ => Err(Diagnostic::input("a new buffer needs `like` or `size`, one of them").at(origin, "this buffer")),
         }
     }
@@ -199,7 +232,13 @@ impl Kernel {
             return Err(Diagnostic::input("`ping_pong` names two bound variables").at(chain.origin(), "this stage"));
         };
         let target = chain.buffer(last).clone();
-        let other = chain.make(&format!("{}.other", target.name), target.elem, &target.dims, "", "the other half of the ping-pong");
+        let other = chain.make(
+            &format!("{}.other", target.name),
+            target.elem,
+            &target.dims,
+            "",
+            "the other half of the ping-pong",
+        );
         // counted back from the last repetition, which writes the buffer that has the name
         let at = |back: u32| if back.is_multiple_of(2) { last } else { other };
         Ok((0..self.repeat)
@@ -217,11 +256,32 @@ impl Kernel {
     }
 }
 
+impl Kernel {
+    fn indirect(&self, chain: &Chain, name: &str) -> Result<BufferId, Diagnostic> {
+        let id = chain.read(name).map_err(|error| error.at(&self.over_origin, "asked for here"))?;
+        let buffer = chain.buffer(id);
+        match buffer.elem == Elem::U32 && buffer.elements() >= 3 {
+            true => Ok(id),
+            false => Err(Diagnostic::input(format!("`{name}` does not hold numbers of workgroups"))
+                .at(&self.over_origin, "expected a buffer of three U32")),
+        }
+    }
+}
+
 impl Stage for Kernel {
+    fn makes(&self) -> Vec<String> {
+        let new = |(_, bound, _): &(String, Bound, Origin)| match bound {
+            Bound::New(new) => Some(new.name.clone()),
+            Bound::Existing(_) => None,
+        };
+        self.bind.iter().filter_map(new).collect()
+    }
+
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let turns = self.buffers(chain)?;
         let size = match &self.over {
             Over::Size(columns, rows) => UVec2::new(*columns, *rows),
+            Over::Indirect(_) => UVec2::ONE,
             Over::Buffer(name) => {
                 let id = chain.read(name).map_err(|error| error.at(&self.over_origin, "run over it here"))?;
                 match chain.buffer(id).dims[..] {
@@ -236,10 +296,18 @@ impl Stage for Kernel {
             return Err(Diagnostic::input(format!("a kernel over {} x {} elements", size.x, size.y))
                 .at(&self.over_origin, "expected 1 to 65535 workgroups a side"));
         }
+        let groups_in = match &self.over {
+            Over::Indirect(name) => Some(self.indirect(chain, name)?),
+            _ => None,
+        };
         for (turn, bound) in turns.into_iter().enumerate() {
-            let label = if self.repeat == 1 { self.kernel.name.clone() } else { format!("{} #{}", self.kernel.name, turn + 1) };
-            let values: Vec<(String, Value)> =
-                self.params.iter().map(|(name, node, _)| Ok((name.clone(), self.value(name, node)?))).collect::<Result<_, Diagnostic>>()?;
+            let label =
+                if self.repeat == 1 { self.kernel.name.clone() } else { format!("{} #{}", self.kernel.name, turn + 1) };
+            let values: Vec<(String, Value)> = self
+                .params
+                .iter()
+                .map(|(name, node, _)| Ok((name.clone(), self.value(name, node)?)))
+                .collect::<Result<_, Diagnostic>>()?;
             let mut step = chain.step(&label, &self.kernel, &self.entry);
             for (name, value) in values {
                 step = step.set(&name, value);
@@ -247,7 +315,11 @@ impl Stage for Kernel {
             for (variable, id) in &bound {
                 step = step.bind(variable, *id);
             }
-            step.set("size", size.to_array()).set_terrain().set_camera().over(size)?;
+            let step = step.set("size", size.to_array()).set_terrain().set_camera();
+            match groups_in {
+                Some(buffer) => step.over_indirect(buffer)?,
+                None => step.over(size)?,
+            }
         }
         Ok(())
     }

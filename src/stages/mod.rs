@@ -23,10 +23,18 @@ pub trait Stage: Debug + Send + Sync {
     /// States buffers and steps.
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic>;
 
+    /// Buffers it makes that the registry cannot know.
+    fn makes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// The stage in f64 on the CPU, straight from its formula: reads its inputs from `buffers` and puts its
     /// outputs there, each value with the largest difference that f32 can explain.
     fn reference(&self, frame: &Frame, buffers: &mut Buffers);
 }
+
+/// Reads a stage from its place in an experiment.
+pub type Read = fn(&Node, &std::path::Path) -> Result<Box<dyn Stage>, Diagnostic>;
 
 /// What the registry knows of a stage.
 pub struct Info {
@@ -41,18 +49,11 @@ pub struct Info {
     /// Name, default and meaning of each parameter.
     pub params: &'static [(&'static str, &'static str, &'static str)],
     /// Reads the stage as written in an experiment; the folder is the experiment's.
-    pub read: fn(&Node, &std::path::Path) -> Result<Box<dyn Stage>, Diagnostic>,
+    pub read: Read,
 }
 
-pub const REGISTRY: &[Info] = &[
-    height_pyramid::INFO,
-    view_grid::INFO,
-    project::INFO,
-    rasterize::INFO,
-    ray_cast::INFO,
-    shade::INFO,
-    kernel::INFO,
-];
+pub const REGISTRY: &[Info] =
+    &[height_pyramid::INFO, view_grid::INFO, project::INFO, rasterize::INFO, ray_cast::INFO, shade::INFO, kernel::INFO];
 
 pub use shade::RGBA8;
 

@@ -63,7 +63,13 @@ impl Stage for Project {
         let &[rows, columns] = chain.buffer(points).dims.as_slice() else {
             return Err(Diagnostic::input("`grid_point` is not a grid").at(chain.origin(), "needs rows and columns"));
         };
-        let vertices = chain.make("vertex", Elem::Vec4F32, &[rows, columns], "m", "x east, y north, z up from the eye; w: pyramid level");
+        let vertices = chain.make(
+            "vertex",
+            Elem::Vec4F32,
+            &[rows, columns],
+            "m",
+            "x east, y north, z up from the eye; w: pyramid level",
+        );
         let layout = Layout::new(chain.data.terrain.size);
         let kernel = Kernel::built_in("project.wgsl")?;
         let projectors: Vec<Projector> =
@@ -129,21 +135,35 @@ impl Stage for Project {
 
 impl Project {
     /// Value and bound of x, y, z and level.
-    fn vertex(&self, frame: &Frame, buffers: &Buffers, here: DVec2, off_m: f64, neighbours: &[(DVec2, f64)]) -> [(f64, f64); 4] {
+    fn vertex(
+        &self,
+        frame: &Frame,
+        buffers: &Buffers,
+        here: DVec2,
+        off_m: f64,
+        neighbours: &[(DVec2, f64)],
+    ) -> [(f64, f64); 4] {
         let terrain = &frame.data.terrain;
         let eye_m = frame.camera.eye_m;
         let last = (terrain.size - UVec2::ONE).as_dvec2();
         let sample = terrain.sample_from_world(here + eye_m.truncate()).clamp(DVec2::ZERO, last);
         let off_cells = off_m / terrain.cell_m.min_element() + 8.0 * EPSILON * last.max_element();
         let layout = Layout::new(terrain.size);
-        let field = Pyramid { buffers, size: terrain.size, layout, range_m: frame.data.range_m, surface: frame.data.scene.surface };
+        let field = Pyramid {
+            buffers,
+            size: terrain.size,
+            layout,
+            range_m: frame.data.range_m,
+            surface: frame.data.scene.surface,
+        };
         if self.finest(frame.data.is_flat()) {
             let (height_m, bound) = field.height(0, sample, off_cells);
             return [(here.x, off_m), (here.y, off_m), (height_m - eye_m.z, bound), (0.0, 0.0)];
         }
         let distance = |(other, _): &(DVec2, f64)| ((*other - here) / terrain.cell_m).length();
         let extent = neighbours.iter().map(distance).fold(0.0, f64::max);
-        let off_extent = (off_m + neighbours.iter().map(|(_, off)| *off).fold(0.0, f64::max)) / terrain.cell_m.min_element();
+        let off_extent =
+            (off_m + neighbours.iter().map(|(_, off)| *off).fold(0.0, f64::max)) / terrain.cell_m.min_element();
         let level = extent.max(1.0).log2().clamp(0.0, f64::from(self.top(&layout)));
         // d log2(e) = de / (e ln 2); Vulkan allows log2 an absolute error of 2^-21 near 1 and 3 ulp elsewhere
         let off_level = off_extent / (extent.max(1.0) * std::f64::consts::LN_2) + 5e-7 + 8.0 * EPSILON * level;

@@ -77,7 +77,8 @@ impl Axes {
     /// middle of the visible ground where that loses part of it; straight down where that does too.
     fn facing(points: &[DVec3], heading: DVec2, camera: &Camera) -> Self {
         let depression = (-camera.forward().z).asin();
-        let own = Self::at_depression(heading, depression.max(camera.half_tan.y.atan()).min(std::f64::consts::FRAC_PI_2));
+        let own =
+            Self::at_depression(heading, depression.max(camera.half_tan.y.atan()).min(std::f64::consts::FRAC_PI_2));
         if own.holds(points) {
             return own;
         }

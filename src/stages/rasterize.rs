@@ -134,7 +134,8 @@ impl Mesh {
             let length = ray.length();
             let spread = (b - a).length() * (c - a).length();
             let reach = a.length().max(b.length()).max(c.length());
-            let off = length * (16.0 * EPSILON * reach * spread + bound_m * normal.length()) / steep.abs() + 4.0 * EPSILON * t * length;
+            let off = length * (16.0 * EPSILON * reach * spread + bound_m * normal.length()) / steep.abs()
+                + 4.0 * EPSILON * t * length;
             // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
             let along = normal.length() * length / steep.abs();
             let border_off = off + SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);

@@ -41,7 +41,8 @@ impl Stage for RayCast {
         let layout = bounds_layout(chain.data.terrain.size);
         let (width, tall) = chain.data.scene.viewport;
         let tiles = UVec2::new(width.div_ceil(TILE), tall.div_ceil(TILE));
-        let start = chain.make("clear_until", Elem::F32, &[tiles.y, tiles.x], "", "a t all rays of a tile reach without a hit");
+        let start =
+            chain.make("clear_until", Elem::F32, &[tiles.y, tiles.x], "", "a t all rays of a tile reach without a hit");
         let distance = chain.make_distance();
         let kernel = Kernel::built_in("ray_cast.wgsl")?;
         let bilinear = chain.data.scene.surface == Surface::Bilinear;
@@ -98,13 +99,19 @@ fn first_hit(frame: &Frame, pixel: DVec2) -> (f64, f64) {
     let origin = terrain.sample_from_world(eye_m.truncate());
     let direction = DVec2::new(ray.x, -ray.y) / terrain.cell_m;
     let last = (terrain.size - UVec2::ONE).as_dvec2();
-    let Some((t_in, t_out)) = over_terrain(origin, direction, last, ray.z, frame) else { return (f64::NAN, f64::MIN_POSITIVE) };
+    let Some((t_in, t_out)) = over_terrain(origin, direction, last, ray.z, frame) else {
+        return (f64::NAN, f64::MIN_POSITIVE);
+    };
     let mut crossings = vec![t_in, t_out];
     let mut lines = |start: f64, speed: f64| {
         let (from, to) = (start + speed * t_in, start + speed * t_out);
         let (low, high) = (from.min(to).ceil(), from.max(to).floor());
         if speed != 0.0 && high - low < 1e6 {
-            crossings.extend((low as i64..=high as i64).map(|line| (line as f64 - start) / speed).filter(|t| (t_in..=t_out).contains(t)));
+            crossings.extend(
+                (low as i64..=high as i64)
+                    .map(|line| (line as f64 - start) / speed)
+                    .filter(|t| (t_in..=t_out).contains(t)),
+            );
         }
     };
     lines(origin.x, direction.x);

@@ -172,7 +172,10 @@ fn normal(frame: &Frame, position_m: DVec2) -> DVec3 {
     };
     let gradient = |dx: f64, dy: f64| {
         let at = low + DVec2::new(dx, dy);
-        DVec2::new(height(at.x + 1.0, at.y) - height(at.x - 1.0, at.y), height(at.x, at.y + 1.0) - height(at.x, at.y - 1.0)) / 2.0
+        DVec2::new(
+            height(at.x + 1.0, at.y) - height(at.x - 1.0, at.y),
+            height(at.x, at.y + 1.0) - height(at.x, at.y - 1.0),
+        ) / 2.0
     };
     let north = gradient(0.0, 0.0).lerp(gradient(1.0, 0.0), w.x);
     let south = gradient(0.0, 1.0).lerp(gradient(1.0, 1.0), w.x);

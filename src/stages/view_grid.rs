@@ -43,9 +43,19 @@ impl Default for ViewGrid {
 impl Stage for ViewGrid {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (columns, rows) = self.size;
-        let points = chain.make("grid_point", Elem::Vec2F32, &[rows, columns], "", "place in the projector's image, (0, 0) to (1, 1)");
+        let points = chain.make(
+            "grid_point",
+            Elem::Vec2F32,
+            &[rows, columns],
+            "",
+            "place in the projector's image, (0, 0) to (1, 1)",
+        );
         let kernel = Kernel::built_in("view_grid.wgsl")?;
-        chain.step("grid", &kernel, "main").bind("grid_point", points).set("size", [columns, rows]).over(UVec2::from(self.size))
+        chain
+            .step("grid", &kernel, "main")
+            .bind("grid_point", points)
+            .set("size", [columns, rows])
+            .over(UVec2::from(self.size))
     }
 
     fn reference(&self, _frame: &Frame, buffers: &mut Buffers) {

@@ -15,21 +15,23 @@ const EARTH_RADIUS_M: f64 = 6_371_008.8;
 pub fn read(path: &Path) -> Result<Samples, TerrainError> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
     let shown = path.display().to_string();
-    let file = File::open(path).map_err(|error| TerrainError::Unreadable { path: shown.clone(), why: error.to_string() })?;
+    if ![".png", ".tif", ".tiff", ".hgt", ".hgt.zip", ".npy"].iter().any(|ending| name.ends_with(ending)) {
+        return Err(TerrainError::UnknownFormat(shown));
+    }
+    let file =
+        File::open(path).map_err(|error| TerrainError::Unreadable { path: shown.clone(), why: error.to_string() })?;
     let bad = |what: String| TerrainError::BadFile { path: shown.clone(), what };
     let reader = BufReader::new(file);
     if name.ends_with(".png") {
-        read_png(reader).map_err(|what| bad(what.into()))
+        read_png(reader).map_err(bad)
     } else if name.ends_with(".tif") || name.ends_with(".tiff") {
         geotiff::read(reader).map_err(bad)
     } else if name.ends_with(".hgt") {
         read_hgt(reader, &name).map_err(bad)
     } else if name.ends_with(".hgt.zip") {
         read_hgt_zip(reader).map_err(bad)
-    } else if name.ends_with(".npy") {
-        read_npy(reader).map_err(bad)
     } else {
-        Err(TerrainError::UnknownFormat(shown))
+        read_npy(reader).map_err(bad)
     }
 }
 
@@ -49,7 +51,8 @@ pub fn metres_per_degree(latitude_deg: f64) -> (f64, f64) {
 }
 
 fn read_png(reader: BufReader<File>) -> Result<Samples, String> {
-    let decoder = image::codecs::png::PngDecoder::new(reader).map_err(|error| format!("is no readable PNG: {error}"))?;
+    let decoder =
+        image::codecs::png::PngDecoder::new(reader).map_err(|error| format!("is no readable PNG: {error}"))?;
     let (columns, rows) = decoder.dimensions();
     let size = check_claim(columns.into(), rows.into())?;
     let image = image::DynamicImage::from_decoder(decoder).map_err(|error| format!("is damaged: {error}"))?;
@@ -65,7 +68,11 @@ fn read_png(reader: BufReader<File>) -> Result<Samples, String> {
 fn read_hgt(mut reader: impl Read, name: &str) -> Result<Samples, String> {
     let mut bytes = Vec::new();
     // one byte more than the largest, so that a longer file is noticed and never read whole
-    reader.by_ref().take(3601 * 3601 * 2 + 1).read_to_end(&mut bytes).map_err(|error| format!("is damaged: {error}"))?;
+    reader
+        .by_ref()
+        .take(3601 * 3601 * 2 + 1)
+        .read_to_end(&mut bytes)
+        .map_err(|error| format!("is damaged: {error}"))?;
     let side = match bytes.len() {
         length if length == 1201 * 1201 * 2 => 1201,
         length if length == 3601 * 3601 * 2 => 3601,

@@ -21,10 +21,8 @@ pub fn read(reader: BufReader<File>) -> Result<Samples, String> {
     let (columns, rows) = decoder.dimensions().map_err(|error| format!("is damaged: {error}"))?;
     let size = check_claim(columns.into(), rows.into())?;
     let cell_m = cell_m(&mut decoder, rows);
-    let nodata_value = decoder
-        .get_tag_ascii_string(Tag::GdalNodata)
-        .ok()
-        .and_then(|text| text.trim_matches(['\0', ' ']).parse().ok());
+    let nodata_value =
+        decoder.get_tag_ascii_string(Tag::GdalNodata).ok().and_then(|text| text.trim_matches(['\0', ' ']).parse().ok());
     let (values, full_scale) = match decoder.read_image().map_err(|error| format!("is damaged: {error}"))? {
         DecodingResult::U8(values) => widen(values, Some(u8::MAX.into())),
         DecodingResult::U16(values) => widen(values, Some(u16::MAX.into())),
@@ -33,7 +31,11 @@ pub fn read(reader: BufReader<File>) -> Result<Samples, String> {
         DecodingResult::I32(values) => widen(values, Some(i32::MAX.into())),
         DecodingResult::F32(values) => widen(values, None),
         DecodingResult::F64(values) => (values, None),
-        _ => return Err("holds samples of a type that heights are not read from; u8, u16, u32, i16, i32, f32, f64 are".into()),
+        _ => {
+            return Err(
+                "holds samples of a type that heights are not read from; u8, u16, u32, i16, i32, f32, f64 are".into()
+            );
+        }
     };
     if values.len() != size.0 as usize * size.1 as usize {
         return Err(format!("holds {} values for {columns} x {rows} samples; heights have one band", values.len()));
@@ -49,7 +51,8 @@ fn widen<T: Into<f64>>(values: Vec<T>, full_scale: Option<f64>) -> (Vec<f64>, Op
 fn cell_m(decoder: &mut Decoder<BufReader<File>>, rows: u32) -> Option<(f64, f64)> {
     let scale = decoder.get_tag_f64_vec(Tag::ModelPixelScaleTag).ok().filter(|scale| scale.len() >= 2)?;
     let keys = decoder.get_tag_u16_vec(Tag::GeoKeyDirectoryTag).unwrap_or_default();
-    let key = |id: u16| keys.chunks_exact(4).skip(1).find(|entry| entry[0] == id && entry[1] == 0).map(|entry| entry[3]);
+    let key =
+        |id: u16| keys.chunks_exact(4).skip(1).find(|entry| entry[0] == id && entry[1] == 0).map(|entry| entry[3]);
     if key(GT_MODEL_TYPE_KEY) != Some(MODEL_TYPE_GEOGRAPHIC) {
         let unit = key(PROJ_LINEAR_UNITS_KEY).unwrap_or(LINEAR_UNITS[0].0);
         let metres = LINEAR_UNITS.iter().find(|(id, _)| *id == unit)?.1;

@@ -54,12 +54,28 @@ pub enum TerrainError {
 }
 
 impl TerrainError {
+    /// The field of the terrain that is at fault, if it is one.
+    pub fn field(&self) -> Option<&'static str> {
+        match self {
+            TerrainError::Unreadable { .. } | TerrainError::BadFile { .. } | TerrainError::UnknownFormat(_) => {
+                Some("file")
+            }
+            TerrainError::NoCellSize(_) => Some("file"),
+            TerrainError::Size(..) => Some("size"),
+            TerrainError::CellSize(..) => Some("cell_m"),
+            TerrainError::Crop(..) => Some("crop"),
+            _ => None,
+        }
+    }
+
     /// What the user can do about it, where that is not plain from the message.
     pub fn help(&self) -> Option<&'static str> {
         match self {
             TerrainError::Size(..) => Some("crop or resample the terrain, or use one with more samples"),
             TerrainError::NoData { .. } => Some("`nodata: Fill(0)` or `nodata: Interpolate` fills the gaps"),
-            TerrainError::NotFinite { .. } => Some("`nodata: Interpolate` fills NaN; infinite heights need a cleaned file"),
+            TerrainError::NotFinite { .. } => {
+                Some("`nodata: Interpolate` fills NaN; infinite heights need a cleaned file")
+            }
             _ => None,
         }
     }

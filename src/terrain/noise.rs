@@ -38,7 +38,8 @@ pub fn generate(spec: &Noise) -> Result<HeightField, TerrainError> {
 
 fn noise_field(spec: &Noise, random: &mut StdRng) -> Field {
     // octaves without amplitude are left out: they cost time and add nothing
-    let octaves = if spec.persistence == 0.0 { 1 } else { spec.octaves as usize };
+    let (octaves, persistence) =
+        if spec.persistence == 0.0 { (1, 1.0) } else { (spec.octaves as usize, spec.persistence) };
     let seed: u32 = random.random();
     macro_rules! fractal {
         ($kind:ident, $seed:expr) => {{
@@ -46,7 +47,7 @@ fn noise_field(spec: &Noise, random: &mut StdRng) -> Field {
                 .set_octaves(octaves)
                 .set_frequency(1.0)
                 .set_lacunarity(spec.lacunarity)
-                .set_persistence(spec.persistence);
+                .set_persistence(persistence);
             move |place: [f64; 2]| fractal.get(place)
         }};
     }
@@ -56,7 +57,8 @@ fn noise_field(spec: &Noise, random: &mut StdRng) -> Field {
         NoiseKind::Billow => Box::new(fractal!(Billow, seed)),
         NoiseKind::Hybrid => Box::new(fractal!(HybridMulti, seed)),
         NoiseKind::DomainWarped => {
-            let (height, east, north) = (fractal!(Fbm, seed), fractal!(Fbm, random.random()), fractal!(Fbm, random.random()));
+            let (height, east, north) =
+                (fractal!(Fbm, seed), fractal!(Fbm, random.random()), fractal!(Fbm, random.random()));
             let reach = spec.warp_m / spec.wavelength_m;
             Box::new(move |[x, y]| height([x + reach * east([x, y]), y + reach * north([x, y])]))
         }

@@ -11,9 +11,8 @@ pub fn generate(spec: &Shape) -> Result<HeightField, TerrainError> {
     }
     let (columns, rows) = spec.size;
     let (low, high) = spec.height_m;
-    let heights = (0..rows).flat_map(|row| {
-        (0..columns).map(move |column| (low + (high - low) * share(spec, column, row)) as f32)
-    });
+    let heights = (0..rows)
+        .flat_map(|row| (0..columns).map(move |column| (low + (high - low) * share(spec, column, row)) as f32));
     Ok(HeightField { size: spec.size.into(), cell_m: spec.cell_m.xy().into(), heights_m: heights.collect() })
 }
 

@@ -1,0 +1,318 @@
+//! What a user gets for a mistake: one golden diagnostic each, the exit status, and earlier results untouched.
+
+mod common;
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use common::{errors, run};
+
+/// A whole experiment with one part replaced.
+fn experiment(replace: &str, with: &str) -> String {
+    let whole = r#"Experiment(
+    title: "bad",
+    scene: (
+        terrain: Shape(kind: Sine, size: (33, 33)),
+        camera: Still(eye: (400, -300, 1500), look_at: (400, 500, 0)),
+        viewport: (64, 48),
+    ),
+    chains: {
+        "grid": [HeightPyramid, ViewGrid(size: (8, 8)), Project, Rasterize, Shade],
+        "cast": [HeightPyramid, RayCast],
+    },
+    sweep: {"grid.ViewGrid.size": [(8, 8), (16, 16)]},
+    measure: [ScreenError, Time],
+)
+"#;
+    assert!(whole.contains(replace), "{replace}");
+    whole.replacen(replace, with, 1)
+}
+
+/// An experiment with a user's kernel.
+fn kernel(bind: &str, rest: &str) -> String {
+    let stage = format!("Kernel(file: \"mine.wgsl\", bind: {bind}, {rest})");
+    experiment("HeightPyramid, RayCast]", &format!("{stage}, HeightPyramid, RayCast]"))
+        .replace("\"grid\": [HeightPyramid, ViewGrid(size: (8, 8)), Project, Rasterize, Shade],", "")
+        .replace("sweep: {\"grid.ViewGrid.size\": [(8, 8), (16, 16)]},", "")
+}
+
+const BIND: &str = r#"{"src": "height", "dst": New(name: "mine", of: F32, like: "height")}"#;
+const OVER: &str = r#"over: "mine""#;
+
+const KERNEL: &str = "struct Params {
+    scale: f32,
+}
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> src: array<f32>;
+@group(0) @binding(2) var<storage, read_write> dst: array<f32>;
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    dst[id.x] = params.scale * src[id.x];
+}
+";
+
+struct Case {
+    name: &'static str,
+    experiment: String,
+    kernel: String,
+    arguments: Vec<&'static str>,
+}
+
+fn case(name: &'static str, experiment: String) -> Case {
+    Case { name, experiment, kernel: KERNEL.into(), arguments: vec!["plan", "bad.ron"] }
+}
+
+fn dem(fields: &str) -> String {
+    experiment("Shape(kind: Sine, size: (33, 33))", &format!("Dem({fields})"))
+}
+
+fn with_kernel(name: &'static str, replace: &str, with: &str) -> Case {
+    assert!(KERNEL.contains(replace));
+    let experiment = kernel(BIND, &format!("params: (scale: 1), {OVER}"));
+    Case { kernel: KERNEL.replacen(replace, with, 1), ..case(name, experiment) }
+}
+
+fn set(name: &'static str, arguments: &[&'static str]) -> Case {
+    Case { arguments: [&["plan", "bad.ron"], arguments].concat(), ..case(name, experiment("bad", "bad")) }
+}
+
+fn ron_cases() -> Vec<Case> {
+    vec![
+        case("empty file", String::new()),
+        case("not an experiment", "Recipe(flour: 1)".into()),
+        case("bracket never closed", experiment("(400, 500, 0)),", "(400, 500, 0),")),
+        case("string never closed", experiment("\"bad\"", "\"bad")),
+        case("comment never closed", experiment("sweep", "/* sweep")),
+        case("comma missing", experiment("(64, 48),\n", "(64, 48)\n fov_deg 60")),
+        case("field twice", experiment("title: \"bad\"", "title: \"bad\", title: \"worse\"")),
+        case("unknown field of the experiment", experiment("measure:", "measures:")),
+        case("unknown field of the scene", experiment("viewport:", "view_port:")),
+        case("no scene", experiment("scene:", "sweep_nothing:")),
+        case("wrong type", experiment("(64, 48)", "\"large\"")),
+        case("negative size", experiment("size: (33, 33)", "size: (-33, 33)")),
+        case("unknown terrain", experiment("Shape(kind: Sine", "Shap(kind: Sine")),
+        case("unknown shape", experiment("kind: Sine", "kind: Wave")),
+        case("unknown stage", experiment("Rasterize, Shade", "Rasterise, Shade")),
+        case("unknown field of a stage", experiment("ViewGrid(size: (8, 8))", "ViewGrid(sise: (8, 8))")),
+        case(
+            "wrong type in a stage",
+            experiment("[HeightPyramid, RayCast]", "[HeightPyramid(max_level: \"all\"), RayCast]"),
+        ),
+        case("unknown value of a stage", experiment("Project,", "Project(filter: Sharp),")),
+        case("unknown measure", experiment("[ScreenError, Time]", "[ScreenErorr, Time]")),
+        case("zero viewport", experiment("(64, 48)", "(0, 48)")),
+        case("viewport too large", experiment("(64, 48)", "(100000, 48)")),
+        case("field of view of a half turn", experiment("viewport: (64, 48)", "fov_deg: 180")),
+        case("no frames", experiment("Still(", "Still(frames: 0, ")),
+        case("grid of one point", experiment("[(8, 8), (16, 16)]", "[(8, 8), (1, 16)]")),
+        case(
+            "stages in the wrong order",
+            experiment("ViewGrid(size: (8, 8)), Project", "Project, ViewGrid(size: (8, 8))"),
+        ),
+        case("stage left out", experiment("HeightPyramid, RayCast", "RayCast")),
+        case("measured buffer nobody makes", experiment("Rasterize, Shade]", "]")),
+        case(
+            "chains not a map",
+            experiment("chains: {", "chains: [").replace("RayCast],\n    },", "RayCast],\n    ],"),
+        ),
+        case("empty chain", experiment("[HeightPyramid, RayCast]", "[]")),
+        case("two chains of one name", experiment("\"cast\"", "\"grid\"")),
+        case("chain named like a path", experiment("\"cast\"", "\"a.b\"")),
+        case("axis that matches nothing", experiment("grid.ViewGrid.size", "grid.ViewGird.size")),
+        case("axis over no chain", experiment("grid.ViewGrid.size", "mesh.ViewGrid.size")),
+        case("axis without values", experiment("[(8, 8), (16, 16)]", "[]")),
+        case("axis with a wrong value", experiment("(16, 16)]", "(16, large)]")),
+        case("axis with an unknown field", experiment("grid.ViewGrid.size", "grid.ViewGrid.sides")),
+        case("logarithm of zero", experiment("[(8, 8), (16, 16)]", "Log(from: 0, to: 1, steps: 3)")),
+        case("range that never arrives", experiment("[(8, 8), (16, 16)]", "Range(from: 0, to: 1, step: -1)")),
+        case(
+            "zipped axis with a row too short",
+            experiment(
+                "\"grid.ViewGrid.size\": [(8, 8), (16, 16)]",
+                "\"grid.ViewGrid.size, scene.fov_deg\": [((8, 8), 50), ((9, 9),)]",
+            ),
+        ),
+        case("cell of no extent", experiment("size: (33, 33)", "size: (33, 33), cell_m: 0")),
+        case("cell of a wrong type", experiment("size: (33, 33)", "size: (33, 33), cell_m: \"fine\"")),
+        case("terrain too large", experiment("size: (33, 33)", "size: (100000, 100000)")),
+        case("terrain of one sample", experiment("size: (33, 33)", "size: (1, 1)")),
+        case("infinite height", experiment("size: (33, 33)", "size: (33, 33), height_m: (0, inf)")),
+        case("octaves without end", experiment("Shape(kind: Sine, size: (33, 33))", "Noise(kind: Fbm, octaves: 99)")),
+        case("eye that is not a number", experiment("(400, -300, 1500)", "(NaN, -300, 1500)")),
+    ]
+}
+
+fn file_cases() -> Vec<Case> {
+    vec![
+        case("DEM that is not there", dem("file: \"nowhere.png\", cell_m: 30")),
+        case("DEM of an unknown kind", dem("file: \"heights.xyz\", cell_m: 30")),
+        case("DEM without a cell size", dem("file: \"good.png\"")),
+        case("PNG cut off", dem("file: \"cut.png\", cell_m: 30")),
+        case("PNG in colour", dem("file: \"colour.png\", cell_m: 30")),
+        case("PNG that lies about its size", dem("file: \"liar.png\", cell_m: 30")),
+        case("TIFF of garbage", dem("file: \"garbage.tif\", cell_m: 30")),
+        case("hgt of a wrong length", dem("file: \"N47W122.hgt\"")),
+        case("hgt without a place", dem("file: \"somewhere.hgt\"")),
+        case("zip that is none", dem("file: \"N48W122.hgt.zip\"")),
+        case("npy of three dimensions", dem("file: \"cube.npy\", cell_m: 30")),
+        case("npy that lies about its size", dem("file: \"liar.npy\", cell_m: 30")),
+        case("npy cut off", dem("file: \"cut.npy\", cell_m: 30")),
+        case("npy with NaN", dem("file: \"nan.npy\", cell_m: 30")),
+        case("npy all NaN", dem("file: \"empty.npy\", cell_m: 30, nodata: Interpolate")),
+        case("range for floating point heights", dem("file: \"nan.npy\", cell_m: 30, height_m: (0, 1)")),
+        case("crop outside", dem("file: \"good.png\", cell_m: 30, crop: (2, 2, 5, 5)")),
+        case("resample to nothing", dem("file: \"good.png\", cell_m: 30, resample: (0, 0)")),
+    ]
+}
+
+fn kernel_cases() -> Vec<Case> {
+    let ok = format!("params: (scale: 1), {OVER}");
+    vec![
+        with_kernel("WGSL syntax", "params.scale * src", "params.scale ** src"),
+        with_kernel("WGSL unknown name", "params.scale", "parms.scale"),
+        with_kernel("WGSL type", "dst[id.x] =", "dst[id.x] = 1u;\n    dst[id.x] ="),
+        with_kernel("WGSL without the entry point", "fn main", "fn start"),
+        with_kernel("WGSL in another group", "@group(0) @binding(1)", "@group(1) @binding(1)"),
+        with_kernel("WGSL element type", "dst: array<f32>", "dst: array<u32>"),
+        with_kernel("WGSL include of nothing", "struct", "//!include lib/teapot.wgsl\nstruct"),
+        case("kernel that is not there", kernel(BIND, &ok).replace("mine.wgsl", "yours.wgsl")),
+        case("binding left out", kernel("{\"src\": \"height\"}", "params: (scale: 1), over: \"height\"")),
+        case("binding too many", kernel(&BIND.replace('}', ", \"more\": \"height\"}"), &ok)),
+        case("buffer nobody makes", kernel(&BIND.replace("\"height\",", "\"depth\","), &ok)),
+        case("parameter left out", kernel(BIND, OVER)),
+        case("parameter unknown", kernel(BIND, &format!("params: (scale: 1, size: 2), {OVER}"))),
+        case("parameter of a wrong type", kernel(BIND, &format!("params: (scale: \"much\"), {OVER}"))),
+        case(
+            "reads what it writes",
+            kernel("{\"src\": \"height\", \"dst\": \"height\"}", "params: (scale: 1), over: \"height\""),
+        ),
+        case("new buffer without a size", kernel(&BIND.replace(", like: \"height\"", ""), &ok)),
+        case("repeated without end", kernel(BIND, &format!("{ok}, repeat: 1000000"))),
+        case("ping-pong of nothing", kernel(BIND, &format!("{ok}, repeat: 2, ping_pong: (\"a\", \"b\")"))),
+        case("over a name without quotes", kernel(BIND, "params: (scale: 1), over: mine")),
+        case("groups that are no numbers of groups", kernel(BIND, "params: (scale: 1), over: Indirect(\"height\")")),
+        case(
+            "two kernels that wait for each other",
+            kernel(&BIND.replace("\"height\",", "\"b\","), &ok).replace(
+                "HeightPyramid, RayCast]",
+                "Kernel(file: \"mine.wgsl\", bind: {\"src\": \"mine\", \"dst\": New(name: \"b\", of: F32, like: \"height\")}, params: (scale: 1), over: \"b\"), HeightPyramid, RayCast]",
+            ),
+        ),
+        case("over nothing", kernel(BIND, "params: (scale: 1), over: (0, 8)")),
+    ]
+}
+
+fn command_cases() -> Vec<Case> {
+    let with = |name, arguments: &[&'static str]| Case { arguments: arguments.to_vec(), ..set(name, &[]) };
+    vec![
+        set("set without a value", &["--set", "scene.fov_deg"]),
+        set("set of nothing", &["--set", "scene.fov=50"]),
+        set("set of a wrong type", &["--set", "scene.fov_deg=wide"]),
+        set("set of an unknown stage", &["--set", "*.Grid.size=(4, 4)"]),
+        with("experiment that is not there", &["plan", "nowhere.ron"]),
+        with("stage that is not there", &["stages", "RayCats"]),
+        with("wrong adapter", &["run", "bad.ron", "--adapter", "Voodoo"]),
+        with("folder that cannot be written", &["run", "bad.ron", "--out", "good.png/out"]),
+        with("dump of nothing", &["run", "bad.ron", "--dump", "depth"]),
+        with(
+            "terrain too large for the adapter",
+            &["run", "bad.ron", "--adapter", "llvmpipe", "--set", "scene.terrain.size=(8000, 8000)"],
+        ),
+    ]
+}
+
+/// Files with something wrong with them.
+fn write_files(folder: &Path) {
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).unwrap();
+    let good = folder.join("good.png");
+    image::ImageBuffer::from_fn(5, 5, |x, y| image::Luma([(x * y) as u16])).save(&good).unwrap();
+    image::RgbImage::new(5, 5).save(folder.join("colour.png")).unwrap();
+    let png = std::fs::read(&good).unwrap();
+    write("cut.png", &png[..png.len() - 30]);
+    let mut liar = png.clone();
+    // width in the header; the checksum after it is made to agree
+    liar[16..20].copy_from_slice(&0x7fff_ffffu32.to_be_bytes());
+    let checksum = crc32(&liar[12..29]);
+    liar[29..33].copy_from_slice(&checksum.to_be_bytes());
+    write("liar.png", &liar);
+    write("garbage.tif", b"II*\0 this is not a tiff at all");
+    write("N47W122.hgt", &[0; 1000]);
+    write("somewhere.hgt", &vec![0; 1201 * 1201 * 2]);
+    write("N48W122.hgt.zip", b"PK no");
+    write("cube.npy", &npy("<f4", "(2, 2, 2)", &[0; 32]));
+    write("liar.npy", &npy("<f4", "(1000000, 1000000)", &[0; 16]));
+    write("cut.npy", &npy("<f4", "(4, 4)", &[0; 16]));
+    let nan: Vec<u8> = [0.0f32, 1.0, 2.0, f32::NAN].iter().flat_map(|value| value.to_le_bytes()).collect();
+    write("nan.npy", &npy("<f4", "(2, 2)", &nan));
+    let empty: Vec<u8> = [f32::NAN; 4].iter().flat_map(|value| value.to_le_bytes()).collect();
+    write("empty.npy", &npy("<f4", "(2, 2)", &empty));
+}
+
+fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+    while (header.len() + 11) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    [b"\x93NUMPY\x01\0", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()
+}
+
+fn crc32(bytes: &[u8]) -> u32 {
+    !bytes.iter().fold(!0u32, |crc, &byte| {
+        (0..8).fold(crc ^ u32::from(byte), |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 })
+    })
+}
+
+/// Adapters differ from machine to machine; what is said about them does not.
+fn without_adapter(text: &str) -> String {
+    let mut lines: Vec<String> = Vec::new();
+    for line in text.lines() {
+        match line.split_once("; there are: ") {
+            Some((said, _)) => lines.push(format!("{said}; there are: [adapters]")),
+            None => lines.push(line.replace(&between(line, "MB, ", " binds"), "[adapter]")),
+        }
+    }
+    lines.join("\n")
+}
+
+fn between(line: &str, from: &str, to: &str) -> String {
+    let found = line.split_once(from).and_then(|(_, rest)| rest.split_once(to)).map(|(found, _)| found.to_string());
+    found.unwrap_or_else(|| "\u{0}".into())
+}
+
+#[test]
+fn every_mistake_has_its_diagnostic() {
+    let folder = tempfile::tempdir().unwrap();
+    write_files(folder.path());
+    // results of an earlier run, which have to survive all of it
+    std::fs::write(folder.path().join("bad.ron"), experiment("bad", "good")).unwrap();
+    common::succeeded(&run(folder.path(), &["run", "bad.ron"]));
+    let earlier = common::records(&folder.path().join("out/bad"));
+    assert_eq!(earlier.len(), 3);
+
+    let (mut golden, mut wrong) = (String::new(), Vec::new());
+    let cases =
+        [ron_cases(), file_cases(), kernel_cases(), command_cases()].into_iter().flatten().collect::<Vec<Case>>();
+    assert!(cases.len() >= 40, "{} cases", cases.len());
+    for case in cases {
+        std::fs::write(folder.path().join("bad.ron"), &case.experiment).unwrap();
+        std::fs::write(folder.path().join("mine.wgsl"), &case.kernel).unwrap();
+        let output = run(folder.path(), &case.arguments);
+        let said = without_adapter(&errors(&output));
+        if !matches!(output.status.code(), Some(1 | 2)) || !said.starts_with("error: ") || said.contains("panicked") {
+            wrong.push(format!("{}: {:?}\n{said}", case.name, output.status));
+        }
+        writeln!(
+            golden,
+            "## {}\n$ lodlab {}\n{said}\nexit status {}\n",
+            case.name,
+            case.arguments.join(" "),
+            output.status.code().unwrap_or(-1)
+        )
+        .unwrap();
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+    assert_eq!(earlier, common::records(&folder.path().join("out/bad")));
+    insta::assert_snapshot!("diagnostics", golden);
+}
