@@ -11,7 +11,7 @@ use std::time::Instant;
 use lodlab::experiment::Experiment;
 use lodlab::experiment::diagnostic::{Diagnostic, Source};
 use lodlab::gpu::{Executor, Gpu};
-use lodlab::plan::{Plan, SceneData};
+use lodlab::plan::SceneData;
 use lodlab::run::{self, Options};
 
 struct View {
@@ -111,7 +111,7 @@ fn compare(peer: &Path, shared: &Path, folder: &Path, adapter: Option<&str>) -> 
         let Some(theirs) = theirs else { return Ok("skipped: the peer does not run".into()) };
         let ours: Vec<f32> = bytemuck::pod_collect_to_vec(&executor.read(plan.outputs[0])?);
         let agreement = agree(&ours, &theirs.distance_m);
-        let outside = outside(&executor, &plan, cast_ms)?;
+        let outside = outside(&executor)?;
         // writing to a String cannot fail
         let _ = writeln!(
             table,
@@ -199,12 +199,15 @@ fn agree(ours: &[f32], theirs: &[f32]) -> Agreement {
     }
 }
 
-/// Share of a frame outside its kernels: a frame against the same kernels each on its own clock, less what an
-/// empty submission costs.
-fn outside(executor: &Executor, plan: &Plan, frame_ms: f64) -> Result<f64, Diagnostic> {
-    let inside = median(9, || Ok(executor.frame_by_steps(0)?.steps.iter().filter_map(|time| time.ms).sum()))?;
-    debug_assert!(!plan.steps.is_empty());
-    Ok((1.0 - inside / frame_ms).max(0.0))
+/// Share of a frame outside its kernels: a frame against the same kernels, each by itself on the clock less what
+/// an empty submission takes. In pairs, since a machine is not equally fast all the time.
+fn outside(executor: &Executor) -> Result<f64, Diagnostic> {
+    let pair = || {
+        let frame_ms = executor.frame(0)?.wall_ms;
+        let inside_ms: f64 = executor.frame_by_steps(0)?.steps.iter().filter_map(|time| time.ms).sum();
+        Ok(1.0 - inside_ms / frame_ms)
+    };
+    Ok(median(15, pair)?.max(0.0))
 }
 
 fn median(samples: usize, mut sample: impl FnMut() -> Result<f64, Diagnostic>) -> Result<f64, Diagnostic> {

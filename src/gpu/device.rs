@@ -29,6 +29,8 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     pub summary: AdapterSummary,
     pub limits: wgpu::Limits,
+    /// What a submission with nothing in it takes on the clock.
+    pub submission_ms: f64,
     failure: Arc<Mutex<Option<String>>>,
 }
 
@@ -115,7 +117,8 @@ impl Gpu {
                 on_loss(message);
             }
         });
-        let mut gpu = Self { device, queue, summary, limits, failure };
+        let mut gpu = Self { device, queue, summary, limits, submission_ms: 0.0, failure };
+        gpu.submission_ms = timing::empty_submission_ms(&gpu)?;
         gpu.summary.timestamps = gpu.summary.timestamps && timing::stamps_agree_with_clock(&gpu)?;
         Ok(gpu)
     }

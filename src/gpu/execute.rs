@@ -123,8 +123,8 @@ impl<'a> Executor<'a> {
         self.submit(&self.chosen(Often::EveryFrame), frame)
     }
 
-    /// Runs a frame with each step as a submission of its own, timed by the clock: what is left to say about
-    /// kernels where the stamps are not to be believed.
+    /// Runs a frame with each step as a submission of its own, timed by the clock less what an empty submission
+    /// takes: what is left to say about kernels where the stamps are not to be believed.
     pub fn frame_by_steps(&self, frame: usize) -> Result<SubmissionTime, GpuError> {
         self.by_steps(Often::EveryFrame, frame)
     }
@@ -141,7 +141,8 @@ impl<'a> Executor<'a> {
     fn by_steps(&self, often: Often, frame: usize) -> Result<SubmissionTime, GpuError> {
         let mut steps = Vec::new();
         for step in self.chosen(often) {
-            steps.push(StepTime { step, ms: Some(self.submit(&[step], frame)?.wall_ms) });
+            let ms = self.submit(&[step], frame)?.wall_ms - self.gpu.submission_ms;
+            steps.push(StepTime { step, ms: Some(ms.max(0.0)) });
         }
         Ok(SubmissionTime { wall_ms: steps.iter().filter_map(|time| time.ms).sum(), gpu_ms: None, steps })
     }

@@ -1,4 +1,4 @@
-//! Whether an adapter's timestamps can be believed.
+//! What a submission costs, and whether an adapter's timestamps can be believed.
 //!
 //! Some software adapters stamp the moment a command is recorded, not the moment it is done: their kernels seem
 //! to take microseconds. A kernel whose length is known from the clock shows it.
@@ -28,6 +28,20 @@ const MOST_TURNS: f64 = 4e6;
 
 /// Passes of equal length in one submission; each has to have its share of the time.
 const PASSES: u32 = 3;
+
+/// Median of a few submissions with nothing in them.
+pub fn empty_submission_ms(gpu: &Gpu) -> Result<f64, GpuError> {
+    let mut samples = Vec::new();
+    for _ in 0..9 {
+        let start = Instant::now();
+        let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        gpu.queue.submit([encoder.finish()]);
+        gpu.wait()?;
+        samples.push(start.elapsed().as_secs_f64() * 1e3);
+    }
+    samples.sort_by(f64::total_cmp);
+    Ok(samples[samples.len() / 2])
+}
 
 /// Runs ever longer kernels until they take long enough on the clock, and compares each with its stamps.
 pub fn stamps_agree_with_clock(gpu: &Gpu) -> Result<bool, GpuError> {
