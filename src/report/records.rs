@@ -177,14 +177,21 @@ impl Store {
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Diagnostic> {
         let path = self.folder.join(name);
         let folder = path.parent().unwrap_or(&self.folder);
-        let written =
-            fs::create_dir_all(folder).and_then(|()| tempfile::NamedTempFile::new_in(folder)).and_then(|mut file| {
-                file.write_all(bytes)?;
-                file.as_file().sync_all()?;
-                file.persist(&path).map_err(|error| error.error)
-            });
+        let written = fs::create_dir_all(folder).and_then(|()| shared_file(folder)).and_then(|mut file| {
+            file.write_all(bytes)?;
+            file.as_file().sync_all()?;
+            file.persist(&path).map_err(|error| error.error)
+        });
         written.map(|_| ()).map_err(|error| cannot_write(&path, &error))
     }
+}
+
+/// A temporary file that, once it has its name, others can read as they can any other file.
+fn shared_file(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
 }
 
 fn cannot_write(path: &Path, error: &std::io::Error) -> Diagnostic {

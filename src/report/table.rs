@@ -20,7 +20,7 @@ pub fn rows(records: &[Record]) -> Vec<Vec<String>> {
             shown("error_max"),
             percent("over_threshold"),
             percent("silhouette_misses"),
-            shown("psnr"),
+            if record.measure("equal_pictures") == Some(1.0) { "equal".into() } else { shown("psnr") },
             record.frame_ms().map_or("-".into(), digits),
             record.measure("triangles").map_or("-".into(), |count| count.to_string()),
         ]

@@ -39,30 +39,30 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Results, 
     let Context { gpu, prepared, plan, .. } = context;
     let executor = Executor::new(gpu, plan, &prepared.data)?;
     let once = executor.setup()?;
+    let mut tally = Tally::new(context);
+    for frame in 0..plan.frames {
+        executor.frame(frame)?;
+        tally.frame(&executor, frame, truth.as_deref_mut())?;
+        (context.tell)(Event::Frame { done: frame + 1, of: plan.frames });
+    }
+    // timed apart: reading back and measuring between frames leaves caches and clocks as no renderer has them
     let (warmup, repeats) = sampling(prepared);
     for frame in 0..warmup {
         executor.frame(frame as usize % plan.frames)?;
     }
-    let mut times = Vec::new();
-    let mut tally = Tally::new(context);
-    for frame in 0..plan.frames {
-        times.push(executor.frame(frame)?);
-        tally.frame(&executor, frame, truth.as_deref_mut())?;
-        (context.tell)(Event::Frame { done: frame + 1, of: plan.frames });
-    }
-    for _ in 1..repeats {
-        for frame in 0..plan.frames {
-            times.push(executor.frame(frame)?);
+    let (mut frames, mut by_steps) = (Vec::new(), Vec::new());
+    for frame in (0..repeats).flat_map(|_| 0..plan.frames) {
+        frames.push(executor.frame(frame)?);
+        if !gpu.summary.timestamps {
+            by_steps.push(executor.frame_by_steps(frame)?);
         }
     }
     let mut warnings = Vec::new();
     let timings = if gpu.summary.timestamps {
-        timings(plan, &executor, &once, &times, &times)
+        timings(plan, &executor, &once, &frames, &frames)
     } else {
         warnings.push("timestamps are missing or contradict the clock: times are wall times".to_string());
-        let steps: Vec<SubmissionTime> =
-            (0..plan.frames).map(|frame| executor.frame_by_steps(frame)).collect::<Result<_, _>>()?;
-        timings(plan, &executor, &executor.setup_by_steps()?, &times, &steps)
+        timings(plan, &executor, &executor.setup_by_steps()?, &frames, &by_steps)
     };
     let (measures, buffers) = tally.finish();
     Ok(Results { measures, timings, buffers, warnings })
@@ -226,14 +226,15 @@ fn timings(
             }
         })
         .collect();
-    let inside = |submission: &SubmissionTime| submission.steps.iter().map(|time| time.ms).sum::<Option<f64>>();
-    let inside_ms = all(by_steps.iter().map(inside).collect()).map(|spread| spread.median);
-    let frame_wall_ms = time::spread(frames.iter().map(|submission| submission.wall_ms).collect());
-    let outside = inside_ms.zip(frame_wall_ms.as_ref()).map(|(inside, wall)| (1.0 - inside / wall.median).max(0.0));
+    let outside = |(frame, steps): (&SubmissionTime, &SubmissionTime)| {
+        let inside_ms: Option<f64> = steps.steps.iter().map(|time| time.ms).sum();
+        inside_ms.map(|inside_ms| 1.0 - inside_ms / frame.wall_ms)
+    };
+    let outside = all(frames.iter().zip(by_steps).map(outside).collect()).map(|spread| spread.median.max(0.0));
     Timings {
         kernels_by: if executor.believes_stamps() { "timestamps" } else { "clock" }.into(),
         frame_gpu_ms: all(frames.iter().map(|submission| submission.gpu_ms).collect()),
-        frame_wall_ms,
+        frame_wall_ms: time::spread(frames.iter().map(|submission| submission.wall_ms).collect()),
         outside_kernels: outside,
         once_ms: once.wall_ms,
         prepare_ms: executor.prepare_ms,
