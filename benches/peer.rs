@@ -21,7 +21,7 @@ struct View {
     target: [f64; 3],
 }
 
-const VIEWS: [View; 6] = [
+const VIEWS: [View; 7] = [
     View {
         name: "puget: lowland to Cascades",
         dem: "puget_sound_cascades_2049x1025",
@@ -32,6 +32,12 @@ const VIEWS: [View; 6] = [
         name: "puget: among peaks",
         dem: "puget_sound_cascades_2049x1025",
         eye: [150e3, 40e3, 2400.0],
+        target: [160e3, 50e3, 1500.0],
+    },
+    View {
+        name: "puget: from under the surface",
+        dem: "puget_sound_cascades_2049x1025",
+        eye: [150e3, 40e3, 900.0],
         target: [160e3, 50e3, 1500.0],
     },
     View {
