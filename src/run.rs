@@ -258,9 +258,12 @@ impl Sweep<'_> {
                 continue;
             }
             let data = &self.prepared[first].data;
-            let same: Vec<usize> = (first..self.prepared.len())
-                .filter(|&at| must_run[at] && Arc::ptr_eq(&self.prepared[at].data, data))
-                .collect();
+            let shading = truth::shading(&self.prepared[first].cell);
+            let shares = |at: &usize| {
+                let other = &self.prepared[*at];
+                must_run[*at] && Arc::ptr_eq(&other.data, data) && truth::shading(&other.cell) == shading
+            };
+            let same: Vec<usize> = (first..self.prepared.len()).filter(shares).collect();
             let truth_plan = truth::plan(data, &self.prepared[first])?;
             let wanted = same.iter().any(|&at| truth::wanted(&self.prepared[at].cell));
             let mut truth = if wanted { Some(Truth::new(self.gpu, &truth_plan, data)?) } else { None };

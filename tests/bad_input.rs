@@ -104,6 +104,11 @@ fn ron_cases() -> Vec<Case> {
         case("zero viewport", experiment("(64, 48)", "(0, 48)")),
         case("viewport too large", experiment("(64, 48)", "(100000, 48)")),
         case("field of view of a half turn", experiment("viewport: (64, 48)", "fov_deg: 180")),
+        case("an eye that looks at itself", experiment("look_at: (400, 500, 0)", "look_at: (400, -300, 1500)")),
+        case(
+            "a flight without keys",
+            experiment("Still(eye: (400, -300, 1500), look_at: (400, 500, 0))", "Flight(frames: 3, keys: [])"),
+        ),
         case("no frames", experiment("Still(", "Still(frames: 0, ")),
         case("grid of one point", experiment("[(8, 8), (16, 16)]", "[(8, 8), (1, 16)]")),
         case(

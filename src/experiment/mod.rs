@@ -11,7 +11,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use diagnostic::{Diagnostic, Origin, Source};
-use scene::Scene;
+use scene::{Camera, Scene};
 use sweep::{Axis, Setting};
 use tree::{Field, Kind, Node};
 
@@ -333,6 +333,18 @@ fn check_scene(scene: &Scene, node: &Node) -> Result<(), Diagnostic> {
     if !(1..=MOST_FRAMES).contains(&scene.camera.frames()) {
         return Err(Diagnostic::input(format!("a camera path of {} frames", scene.camera.frames()))
             .at(&node.field("camera").unwrap_or(node).head(), format!("expected 1 to {MOST_FRAMES} frames")));
+    }
+    let looks_at_itself = |eye: (f64, f64, f64), target: (f64, f64, f64)| eye == target;
+    let pointless = match &scene.camera {
+        Camera::Still(still) => still.look_at.is_some_and(|target| looks_at_itself(still.eye, target)),
+        Camera::Orbit(orbit) => orbit.radius_m == 0.0 && orbit.height_m == 0.0,
+        Camera::Flight(flight) => {
+            flight.keys.is_empty() || flight.keys.iter().any(|key| looks_at_itself(key.eye, key.look_at))
+        }
+    };
+    if pointless {
+        return Err(Diagnostic::input("this camera path has no view direction")
+            .at(&node.field("camera").unwrap_or(node).head(), "an eye looks at itself, or there are no keys"));
     }
     Ok(())
 }

@@ -9,7 +9,7 @@ use crate::camera::Camera;
 use crate::experiment::scene::Surface;
 use crate::terrain::HeightField;
 
-/// Error of one pixel.
+/// The error of a pixel on which nothing was drawn.
 pub const SKY: f32 = f32::NAN;
 
 /// One frame's pixels: error in pixels where something was drawn, NaN elsewhere.
@@ -48,10 +48,11 @@ pub fn frame(terrain: &HeightField, surface: Surface, camera: &Camera, drawn_m: 
     }
 }
 
-/// Errors of all frames of a cell.
+/// Errors of all frames of a cell, in constant memory.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
-    errors_px: Vec<f32>,
+    errors: Distribution,
+    over_threshold: usize,
     pixels: usize,
     silhouette_misses: usize,
     drawn: usize,
@@ -59,40 +60,89 @@ pub struct Summary {
 }
 
 impl Summary {
-    pub fn add(&mut self, frame: &FrameError) {
-        self.errors_px.extend(frame.error_px.iter().filter(|error| !error.is_nan()));
+    pub fn add(&mut self, frame: &FrameError, threshold_px: f64) {
+        for error in frame.error_px.iter().filter(|error| !error.is_nan()).map(|&error| f64::from(error)) {
+            self.errors.add(error);
+            self.over_threshold += usize::from(error > threshold_px);
+        }
         self.pixels += frame.error_px.len();
         self.silhouette_misses += frame.silhouette_misses;
         self.drawn += frame.drawn;
         self.true_hits += frame.true_hits;
     }
 
-    pub fn measures(mut self, threshold_px: f64) -> Vec<Measured> {
-        let count = self.errors_px.len();
-        let sum = |power: i32| self.errors_px.par_iter().map(|&error| f64::from(error).powi(power)).sum::<f64>();
-        let mean = |power| (count > 0).then(|| sum(power) / count as f64);
-        let (mean_px, square) = (mean(1), mean(2));
-        let over = self.errors_px.iter().filter(|&&error| f64::from(error) > threshold_px).count();
+    pub fn measures(&self) -> Vec<Measured> {
+        let errors = &self.errors;
+        let mean = |sum: f64| (errors.count > 0).then(|| sum / errors.count as f64);
         let share = |part: usize| (self.pixels > 0).then(|| part as f64 / self.pixels as f64);
         let mut measures = vec![
-            Measured::new("error_max", self.errors_px.iter().copied().reduce(f32::max).map(f64::from), "px"),
-            Measured::new("error_mean", mean_px, "px"),
-            Measured::new("error_rms", square.map(f64::sqrt), "px"),
-            Measured::new("over_threshold", share(over), "of pixels"),
+            Measured::new("error_max", (errors.count > 0).then_some(errors.largest), "px"),
+            Measured::new("error_mean", mean(errors.sum), "px"),
+            Measured::new("error_rms", mean(errors.sum_of_squares).map(f64::sqrt), "px"),
+            Measured::new("over_threshold", share(self.over_threshold), "of pixels"),
             Measured::new("silhouette_misses", share(self.silhouette_misses), "of pixels"),
             Measured::new("drawn", share(self.drawn), "of pixels"),
             Measured::new("true_surface", share(self.true_hits), "of pixels"),
         ];
         for percent in [50, 95, 99] {
-            let value = percentile(&mut self.errors_px, f64::from(percent) / 100.0);
-            measures.push(Measured::new(&format!("error_p{percent}"), value.map(f64::from), "px"));
+            let value = errors.percentile(f64::from(percent) / 100.0);
+            measures.push(Measured::new(&format!("error_p{percent}"), value, "px"));
         }
         measures
     }
 }
 
-/// The value below which `share` of the values are (nearest rank).
-fn percentile(values: &mut [f32], share: f64) -> Option<f32> {
-    let rank = ((share * values.len() as f64).ceil() as usize).max(1) - 1;
-    (!values.is_empty()).then(|| *values.select_nth_unstable_by(rank, f32::total_cmp).1)
+/// Maximum, sums, and a histogram whose bins are a thousandth wide, from a millionth of a pixel up.
+#[derive(Clone, Debug, Default)]
+struct Distribution {
+    count: u64,
+    sum: f64,
+    sum_of_squares: f64,
+    largest: f64,
+    bins: Vec<u64>,
+}
+
+const SMALLEST_PX: f64 = 1e-6;
+const BIN_WIDTH: f64 = 1e-3;
+
+impl Distribution {
+    fn add(&mut self, error_px: f64) {
+        self.count += 1;
+        self.sum += error_px;
+        self.sum_of_squares += error_px * error_px;
+        self.largest = self.largest.max(error_px);
+        let bin = ((error_px.max(SMALLEST_PX) / SMALLEST_PX).ln() / BIN_WIDTH) as usize;
+        if bin >= self.bins.len() {
+            self.bins.resize(bin + 1, 0);
+        }
+        self.bins[bin] += 1;
+    }
+
+    /// The value below which `share` of the values are, to a thousandth of it (nearest rank).
+    fn percentile(&self, share: f64) -> Option<f64> {
+        let rank = ((share * self.count as f64).ceil() as u64).max(1);
+        let mut below = 0;
+        let bin = self.bins.iter().position(|count| {
+            below += count;
+            below >= rank
+        })?;
+        Some((SMALLEST_PX * ((bin as f64 + 0.5) * BIN_WIDTH).exp()).min(self.largest))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_right_to_a_thousandth() {
+        let mut errors = Distribution::default();
+        (1..=1000).rev().for_each(|error| errors.add(f64::from(error) / 100.0));
+        for (share, exact) in [(0.5, 5.0), (0.95, 9.5), (0.99, 9.9), (1.0, 10.0)] {
+            let value = errors.percentile(share).unwrap();
+            assert!((value / exact - 1.0).abs() <= 1e-3, "{share}: {value}");
+        }
+        assert_eq!(Distribution::default().percentile(0.5), None);
+        assert_eq!((errors.count, errors.largest), (1000, 10.0));
+    }
 }

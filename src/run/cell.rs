@@ -133,7 +133,7 @@ impl<'c, 'a> Tally<'c, 'a> {
         let surface = data.scene.surface;
         let error: FrameError =
             screen_error::frame(&data.terrain, surface, &data.cameras[frame], drawn_m, &truth.distance_m);
-        self.errors.add(&error);
+        self.errors.add(&error, self.context.prepared.cell.threshold_px());
         if self.is_pictured(frame) {
             let mixed_up: Vec<bool> =
                 drawn_m.iter().zip(&truth.distance_m).map(|(a, b)| (*a < 0.0) != (*b < 0.0)).collect();
@@ -170,9 +170,9 @@ impl<'c, 'a> Tally<'c, 'a> {
         let cell = &self.context.prepared.cell;
         let mut measures = Vec::new();
         if cell.wants("ScreenError") {
-            measures.extend(self.errors.measures(cell.threshold_px()));
+            measures.extend(self.errors.measures());
         } else if cell.wants("Coverage") {
-            let all = self.errors.measures(cell.threshold_px());
+            let all = self.errors.measures();
             let coverage = ["drawn", "true_surface", "silhouette_misses"];
             measures.extend(all.into_iter().filter(|measure| coverage.contains(&measure.name.as_str())));
         }

@@ -32,6 +32,15 @@ pub fn wanted(cell: &Cell) -> bool {
     ["ScreenError", "Image", "Coverage"].iter().any(|name| cell.wants(name))
 }
 
+/// The picture of the truth is shaded like the cell's own; cells that shade alike share it.
+pub fn shading(cell: &Cell) -> String {
+    own_shade(cell).map_or(String::new(), |call| call.node.canonical())
+}
+
+fn own_shade(cell: &Cell) -> Option<&StageCall> {
+    cell.stages.iter().find(|call| call.name == "Shade")
+}
+
 /// The chain that makes the truth: the exact ray cast, shaded like the cell shades.
 pub fn plan(data: &SceneData, prepared: &Prepared) -> Result<Plan, Diagnostic> {
     let source = Source::new("ground truth", "[HeightPyramid, RayCast, Shade]");
@@ -42,8 +51,8 @@ pub fn plan(data: &SceneData, prepared: &Prepared) -> Result<Plan, Diagnostic> {
     let mut chain = Chain::new("ground truth", data, &node.origin);
     for (index, node) in nodes.iter().enumerate() {
         let name = node.name().unwrap_or_default().to_string();
-        let own = prepared.cell.stages.iter().find(|call| call.name == name && name == "Shade");
-        let call = own.cloned().unwrap_or(StageCall { name, node: node.clone() });
+        let own = if name == "Shade" { own_shade(&prepared.cell).cloned() } else { None };
+        let call = own.unwrap_or(StageCall { name, node: node.clone() });
         chain.begin_stage(&call.name, index, &call.node.origin);
         stages::read(&call, Path::new(""))?.plan(&mut chain)?;
     }
