@@ -1,7 +1,7 @@
 //! The command line, and the only place that prints.
 
 use std::cell::RefCell;
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -17,6 +17,13 @@ use lodlab::plan::explain;
 use lodlab::report::table;
 use lodlab::run::{self, Event, Options};
 use lodlab::stages::REGISTRY;
+
+/// Prints a line; a reader that went away (`| head`) is no failure.
+macro_rules! say {
+    ($($what:tt)*) => {{
+        let _ = writeln!(std::io::stdout(), $($what)*);
+    }};
+}
 
 /// Experiments with GPU terrain level of detail: error against run time.
 #[derive(Parser)]
@@ -100,6 +107,15 @@ fn settings(arguments: impl Iterator<Item = String>) -> Result<Vec<Setting>, Dia
 }
 
 fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Result<(), Diagnostic> {
+    for (at, file) in files.iter().enumerate() {
+        if files[..at].iter().any(|other| other.file_stem() == file.file_stem()) {
+            return Err(Diagnostic::input(format!(
+                "two experiments would leave their results in one folder: `{}`",
+                file.display()
+            ))
+            .help("run them one by one, each with its own --out"));
+        }
+    }
     // a mistake in the last file should not show after an hour of the first
     let experiments: Vec<Experiment> = files.iter().map(|file| Experiment::load(file)).collect::<Result<_, _>>()?;
     for experiment in &experiments {
@@ -113,21 +129,24 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
             Some(out) => out.join(stem),
             None => PathBuf::from("out").join(stem),
         };
-        println!("{} on {}", experiment.title, gpu.summary.name);
+        say!("{} on {}", experiment.title, gpu.summary.name);
         let bar = progress_bar();
         let told = RefCell::new(Vec::new());
         let outcome = run::run(experiment, &gpu, &folder, options, &|event| show(&bar, &mut told.borrow_mut(), event));
         bar.finish_and_clear();
         let outcome = outcome?;
-        println!("{}", table::table(&outcome.records));
-        println!(
+        say!("{}", table::table(&outcome.records));
+        say!(
             "{} cells run, {} finished before",
             outcome.ran,
             outcome.records.len() - outcome.ran.min(outcome.records.len())
         );
-        println!("report:   {}", outcome.folder.join("report.html").display());
-        println!("plot:     {}", outcome.folder.join("pareto.svg").display());
-        println!("pictures: {}", outcome.folder.join("pictures").display());
+        for (what, name) in [("report:  ", "report.html"), ("plot:    ", "pareto.svg"), ("pictures:", "pictures")] {
+            let path = outcome.folder.join(name);
+            if path.exists() {
+                say!("{what} {}", path.display());
+            }
+        }
     }
     Ok(())
 }
@@ -143,7 +162,7 @@ fn progress_bar() -> ProgressBar {
 
 /// Shows an event; a warning that was `told` before is not told again.
 fn show(bar: &ProgressBar, told: &mut Vec<String>, event: Event) {
-    let line = |text: String| if bar.is_hidden() { println!("{text}") } else { bar.println(text) };
+    let line = |text: String| if bar.is_hidden() { say!("{text}") } else { bar.println(text) };
     match event {
         Event::Started { cells, finished } => {
             bar.set_length(cells as u64);
@@ -177,7 +196,7 @@ fn show_plans(file: &std::path::Path, settings: Vec<Setting>) -> Result<(), Diag
     for prepared in run::prepare(&experiment, &options.settings)? {
         let text = explain(&run::plan(&prepared, &options)?);
         if !shown.contains(&text) {
-            println!("{text}");
+            say!("{text}");
             shown.push(text);
         }
     }
@@ -186,21 +205,21 @@ fn show_plans(file: &std::path::Path, settings: Vec<Setting>) -> Result<(), Diag
 
 fn show_stages(name: Option<&str>) -> Result<(), Diagnostic> {
     let Some(name) = name else {
-        REGISTRY.iter().for_each(|info| println!("{:<14} {}", info.name, info.summary));
+        REGISTRY.iter().for_each(|info| say!("{:<14} {}", info.name, info.summary));
         return Ok(());
     };
     let info = REGISTRY.iter().find(|info| info.name == name).ok_or_else(|| {
         Diagnostic::input(format!("there is no stage `{name}`")).suggest(name, REGISTRY.iter().map(|info| info.name))
     })?;
-    println!("{}: {}\n  formula: {}\n  source:  {}", info.name, info.summary, info.formula, info.source);
-    println!(
+    say!("{}: {}\n  formula: {}\n  source:  {}", info.name, info.summary, info.formula, info.source);
+    say!(
         "  reads:   {}\n  writes:  {}\n  kernels: {}",
         info.reads.join(", "),
         info.writes.join(", "),
         info.kernels.join(", ")
     );
     for (name, default, meaning) in info.params {
-        println!("  {name:<10} default {default}: {meaning}");
+        say!("  {name:<10} default {default}: {meaning}");
     }
     Ok(())
 }
@@ -216,9 +235,9 @@ fn run_checks(adapter: Option<&str>) -> Result<(), Diagnostic> {
     let mut failures = 0;
     for name in wanted {
         let gpu = Gpu::open(Some(&name))?;
-        println!("{}", gpu.summary.name);
+        say!("{}", gpu.summary.name);
         for outcome in check::run(&gpu)? {
-            println!("  {outcome}");
+            say!("  {outcome}");
             failures += usize::from(!outcome.passed());
         }
     }
@@ -234,11 +253,11 @@ fn show_devices() -> Result<(), Diagnostic> {
         return Err(lodlab::gpu::GpuError::NoAdapter.into());
     }
     for adapter in adapters {
-        println!("{} ({}, {})", adapter.name, adapter.backend, adapter.kind);
-        println!("  driver           {}", adapter.driver);
-        println!("  subgroup size    {} to {}", adapter.subgroup_min_size, adapter.subgroup_max_size);
-        println!("  storage binding  {}", lodlab::plan::megabytes(adapter.storage_binding_bytes));
-        println!(
+        say!("{} ({}, {})", adapter.name, adapter.backend, adapter.kind);
+        say!("  driver           {}", adapter.driver);
+        say!("  subgroup size    {} to {}", adapter.subgroup_min_size, adapter.subgroup_max_size);
+        say!("  storage binding  {}", lodlab::plan::megabytes(adapter.storage_binding_bytes));
+        say!(
             "  timestamps       {}",
             if adapter.timestamps {
                 "yes, if they agree with the clock"

@@ -13,6 +13,7 @@ use crate::experiment::scene::Scene;
 use crate::experiment::sweep::Setting;
 use crate::experiment::{Cell, Experiment, StageCall};
 use crate::gpu::Gpu;
+use crate::kernel::Elem;
 use crate::plan::{Chain, Demand, Plan, SceneData};
 use crate::report::html::Pictures;
 use crate::report::records::{self, Identity, Record, Store};
@@ -90,9 +91,12 @@ pub fn prepare(experiment: &Experiment, settings: &[Setting]) -> Result<Vec<Prep
     Ok(prepared)
 }
 
+/// An eye closer to the surface than this is on no side of it that f32 could tell.
+const CLOSEST_M: f64 = 1e-3;
+
 fn scene_key(scene: &Scene) -> String {
-    // plain structures always serialize
-    serde_json::to_string(scene).unwrap_or_default()
+    // JSON would write every number that is none as the same null
+    format!("{scene:?}")
 }
 
 fn load_scene(
@@ -100,7 +104,7 @@ fn load_scene(
     folder: &Path,
     terrains: &mut BTreeMap<String, Arc<HeightField>>,
 ) -> Result<SceneData, Diagnostic> {
-    let key = serde_json::to_string(&cell.scene.terrain).unwrap_or_default();
+    let key = format!("{:?}", cell.scene.terrain);
     let terrain = match terrains.get(&key) {
         Some(terrain) => terrain.clone(),
         None => {
@@ -110,16 +114,49 @@ fn load_scene(
                 let diagnostic = Diagnostic::input(error.to_string()).at(&field.unwrap_or(place).head(), "here");
                 Diagnostic { help: error.help().map(str::to_string), ..diagnostic }
             })?;
-            terrains.insert(key, Arc::new(loaded));
-            terrains[&serde_json::to_string(&cell.scene.terrain).unwrap_or_default()].clone()
+            let loaded = Arc::new(loaded);
+            terrains.insert(key, loaded.clone());
+            loaded
         }
     };
     let data = SceneData::new(cell.scene.clone(), terrain);
-    match data.cameras.iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
-        true => Ok(data),
-        false => Err(Diagnostic::input("the camera path has a place that is not a number")
-            .at(&cell.scene_node.field("camera").unwrap_or(&cell.scene_node).head(), "this path")),
+    let path = cell.scene_node.field("camera").unwrap_or(&cell.scene_node).head();
+    if !data.cameras.iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
+        return Err(Diagnostic::input("the camera path has a place that is not a number").at(&path, "this path"));
     }
+    let extent_m = data.terrain.extent_m();
+    let on_surface = |eye_m: glam::DVec3| {
+        let ground = eye_m.truncate();
+        let inside = ground.cmpge(glam::DVec2::ZERO).all() && ground.cmple(extent_m).all();
+        inside && (eye_m.z - data.terrain.surface_m(ground, data.scene.surface)).abs() < CLOSEST_M
+    };
+    match data.cameras.iter().position(|camera| on_surface(camera.eye_m)) {
+        None => Ok(data),
+        Some(frame) => {
+            Err(Diagnostic::input(format!("in frame {frame} the eye is on the surface, neither above nor under it"))
+                .at(&path, "this path")
+                .help(format!("keep {CLOSEST_M} m away, for example with `clearance_m`")))
+        }
+    }
+}
+
+/// The buffers that the cell's measures need; each has to be what the measure takes it for.
+fn measured(cell: &Cell, chain: &Chain) -> Result<Vec<String>, Diagnostic> {
+    let (width, tall) = cell.scene.viewport;
+    let mut outputs = Vec::new();
+    for (name, elem, measures) in
+        [("distance", Elem::F32, &["ScreenError", "Coverage"][..]), ("colour", Elem::U32, &["Image"])]
+    {
+        if measures.iter().any(|measure| cell.wants(measure)) {
+            chain.read_as(name, elem, &[tall, width])?;
+            outputs.push(name.to_string());
+        }
+    }
+    if cell.wants("Mesh") && chain.has("vertex") {
+        chain.read_grid("vertex", Elem::Vec4F32)?;
+        outputs.push("vertex".into());
+    }
+    Ok(outputs)
 }
 
 /// Plans a cell for what it measures and what is to be dumped.
@@ -127,8 +164,8 @@ pub fn plan(prepared: &Prepared, options: &Options) -> Result<Plan, Diagnostic> 
     let Prepared { cell, stages, data } = prepared;
     let mut chain = Chain::new(&cell.chain, data, &cell.scene_node.origin);
     for (index, (stage, call)) in stages.iter().zip(&cell.stages).enumerate() {
-        let later = stages.iter().zip(&cell.stages).skip(index + 1);
-        let makes = |(stage, call): (&Box<dyn Stage>, &StageCall)| {
+        let later = stages.iter().map(AsRef::as_ref).zip(&cell.stages).skip(index + 1);
+        let makes = |(stage, call): (&dyn Stage, &StageCall)| {
             let known = stages::writes(&call.name).iter().map(|name| name.to_string());
             (call.name.clone(), known.chain(stage.makes()).collect())
         };
@@ -136,24 +173,16 @@ pub fn plan(prepared: &Prepared, options: &Options) -> Result<Plan, Diagnostic> 
         chain.begin_stage(&call.name, index, &call.node.head());
         stage.plan(&mut chain)?;
     }
-    let mut outputs: Vec<String> = Vec::new();
-    if cell.wants("ScreenError") || cell.wants("Coverage") {
-        outputs.push("distance".into());
+    chain.begin_stage("measure", stages.len(), &cell.measures_origin);
+    let mut outputs = measured(cell, &chain).map_err(|error| error.or_at(&cell.measures_origin, "measured here"))?;
+    // with only the clock looked at, what the chain is for is what its last step makes
+    if outputs.is_empty() {
+        outputs.extend(chain.last_made());
     }
-    if cell.wants("Image") {
-        outputs.push("colour".into());
-    }
-    if cell.wants("Mesh") && chain.read("vertex").is_ok() {
-        outputs.push("vertex".into());
-    }
-    for name in options.dump.iter().filter(|name| chain.read(name).is_ok()) {
+    for name in options.dump.iter().filter(|name| chain.has(name)) {
         if !outputs.contains(name) {
             outputs.push(name.clone());
         }
-    }
-    // with only the clock looked at, what the chain is for is what its last stage makes
-    if outputs.is_empty() {
-        outputs.extend(chain.last_made());
     }
     let demand = Demand { outputs, keep_everything: options.keep_everything };
     Plan::finish(chain, &demand).map_err(|error| error.or_at(&cell.measures_origin, "measured here"))
@@ -163,13 +192,15 @@ fn identity(prepared: &Prepared, plan: &Plan, terrain: &str, gpu: &Gpu, options:
     let cell = &prepared.cell;
     let stages: Vec<String> = cell.stages.iter().map(|call| call.node.canonical()).collect();
     let measures = format!("{:?}", cell.measures);
+    // both change what runs, and with it the times
     let all = if options.keep_everything { " all" } else { "" };
+    let dump = if options.dump.is_empty() { String::new() } else { format!(" dump {:?}", options.dump) };
     let mut kernels: Vec<(String, String)> =
         plan.steps.iter().map(|step| (step.kernel.name.clone(), step.kernel.hash())).collect();
     kernels.sort();
     kernels.dedup();
     Identity {
-        parameters: format!("{} [{}] {} {measures}{all}", cell.chain, stages.join(", "), scene_key(&cell.scene)),
+        parameters: format!("{} [{}] {} {measures}{all}{dump}", cell.chain, stages.join(", "), scene_key(&cell.scene)),
         kernels,
         terrain: terrain.into(),
         adapter: format!("{} {}", gpu.summary.name, gpu.summary.driver),
@@ -318,13 +349,16 @@ impl Sweep<'_> {
         Ok(())
     }
 
-    /// The records of all finished cells, in the order of the file.
+    /// The records of all finished cells, in the order of the file and under its names: an earlier run may have
+    /// called the same cell something else.
     fn records(&self) -> Vec<Record> {
-        let read = |identity: &Identity| {
+        let read = |(identity, prepared): (&Identity, &Prepared)| {
             let path = self.store.folder.join(format!("cells/{}.json", identity.hash()));
-            serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
+            let record: Record = serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()?;
+            let settings = prepared.cell.settings.clone();
+            Some(Record { experiment: self.experiment.title.clone(), settings, ..record })
         };
-        self.identities.iter().filter_map(read).collect()
+        self.identities.iter().zip(self.prepared).filter_map(read).collect()
     }
 }
 
@@ -341,8 +375,9 @@ fn write_reports(experiment: &Experiment, store: &Store, records: &[Record]) -> 
         .map_err(|error| Diagnostic::run(format!("records.json cannot be made: {error}")))?;
     store.write("records.json", &json)?;
     let plot = pareto::svg(&experiment.title, records);
-    if let Some(svg) = &plot {
-        store.write("pareto.svg", svg.as_bytes())?;
+    match &plot {
+        Some(svg) => store.write("pareto.svg", svg.as_bytes())?,
+        None => store.remove("pareto.svg"),
     }
     let picture =
         |record: &Record, kind: &str| std::fs::read(store.folder.join(cell::picture_name(&record.hash, kind))).ok();

@@ -129,6 +129,26 @@ fn ron_cases() -> Vec<Case> {
         case("axis without values", experiment("[(8, 8), (16, 16)]", "[]")),
         case("axis with a wrong value", experiment("(16, 16)]", "(16, large)]")),
         case("axis with an unknown field", experiment("grid.ViewGrid.size", "grid.ViewGrid.sides")),
+        case("axis with a value twice", experiment("[(8, 8), (16, 16)]", "[(8, 8), (8, 8)]")),
+        case("two axes over one thing", experiment("sweep: {", "sweep: {\"*.ViewGrid.size\": [(4, 4), (5, 5)], ")),
+        case(
+            "axis of four thousand million steps",
+            experiment("[(8, 8), (16, 16)]", "Linear(from: 0, to: 1, steps: 4000000000)"),
+        ),
+        case("brackets without end", "(".repeat(100_000)),
+        case("warm-up without end", experiment("Time]", "Time(warmup: 4294967295)]")),
+        case(
+            "eye on the surface",
+            experiment("Still(eye: (400, -300, 1500)", "Still(clearance_m: 0, eye: (400, 300, 0)"),
+        ),
+        case(
+            "noise without end",
+            experiment("Shape(kind: Sine, size: (33, 33))", "Noise(kind: Fbm, lacunarity: 1e300)"),
+        ),
+        case(
+            "noise of nothing",
+            experiment("Shape(kind: Sine, size: (33, 33))", "Noise(kind: DomainWarped, persistence: -1)"),
+        ),
         case("logarithm of zero", experiment("[(8, 8), (16, 16)]", "Log(from: 0, to: 1, steps: 3)")),
         case("range that never arrives", experiment("[(8, 8), (16, 16)]", "Range(from: 0, to: 1, step: -1)")),
         case(
@@ -181,6 +201,13 @@ fn kernel_cases() -> Vec<Case> {
         with_kernel("WGSL in another group", "@group(0) @binding(1)", "@group(1) @binding(1)"),
         with_kernel("WGSL element type", "dst: array<f32>", "dst: array<u32>"),
         with_kernel("WGSL include of nothing", "struct", "//!include lib/teapot.wgsl\nstruct"),
+        with_kernel("WGSL that is no compute kernel", "@compute @workgroup_size(8, 8)\nfn main(@builtin(global_invocation_id) id: vec3<u32>) {\n    dst[id.x] = params.scale * src[id.x];", "@fragment\nfn main() {\n    dst[0] = params.scale * src[0];"),
+        Case {
+            kernel: KERNEL.replace("params.scale *", "more.scale * params.scale *") + "@group(0) @binding(3) var<uniform> more: Params;\n",
+            ..case("WGSL with two structures of parameters", kernel(BIND, &ok))
+        },
+        case("measured buffer of another size", kernel(&BIND.replace("like: \"height\"", "size: (10, 7)").replace("mine", "distance"), "params: (scale: 1), over: \"distance\"").replace(", HeightPyramid, RayCast]", "]")),
+        case("pyramid of another size", kernel(&BIND.replace("mine", "height_max"), "params: (scale: 1), over: \"height_max\"").replace(", HeightPyramid, RayCast]", ", RayCast]")),
         case("kernel that is not there", kernel(BIND, &ok).replace("mine.wgsl", "yours.wgsl")),
         case("binding left out", kernel("{\"src\": \"height\"}", "params: (scale: 1), over: \"height\"")),
         case("binding too many", kernel(&BIND.replace('}', ", \"more\": \"height\"}"), &ok)),
@@ -308,6 +335,9 @@ fn every_mistake_has_its_diagnostic() {
         if !matches!(output.status.code(), Some(1 | 2)) || !said.starts_with("error: ") || said.contains("panicked") {
             wrong.push(format!("{}: {:?}\n{said}", case.name, output.status));
         }
+        // a hundred thousand brackets say no more than the first few
+        let said: String = said.lines().map(|line| line.chars().take(300).collect::<String>() + "\n").collect();
+        let said = said.trim_end();
         writeln!(
             golden,
             "## {}\n$ lodlab {}\n{said}\nexit status {}\n",

@@ -65,7 +65,9 @@ fn an_axis_concerns_the_chains_that_have_its_path() {
 
 #[test]
 fn axes_multiply_and_zipped_ones_do_not() {
-    assert_eq!(cells("\"c.RayCast.nothing, scene.fov_deg\": [(1, 30)]", &["scene.fov_deg=40"]).len(), 3);
+    let half = read_setting("scene.fov_deg=40").unwrap();
+    let zipped = experiment("\"a.HeightPyramid.max_level, scene.fov_deg\": [(1, 30)]").unwrap();
+    assert!(zipped.cells(&[half]).is_err(), "one path of a zipped axis is not all of it");
     let product = cells("\"a.HeightPyramid.max_level\": [1, 2], \"scene.fov_deg\": [30, 40, 50]", &[]);
     assert_eq!(product.iter().filter(|cell| cell.starts_with('a')).count(), 6);
     let zipped = cells("\"a.HeightPyramid.max_level, scene.fov_deg\": [(1, 30), (2, 40)]", &[]);
@@ -82,6 +84,10 @@ fn spaced_values_are_round_and_end_where_they_should() {
     };
     assert_eq!(of_a("Range(from: 1, to: 7, step: 2)"), ["a 1", "a 3", "a 5", "a 7"]);
     assert_eq!(of_a("Log(from: 1, to: 8, steps: 4)"), ["a 1", "a 2", "a 4", "a 8"]);
+    assert_eq!(
+        cells("\"scene.fov_deg\": Log(from: 10, to: 100, steps: 3)", &[])[0..3],
+        ["a 10", "a 31.6227766017", "a 100"]
+    );
     let fov = cells("\"scene.fov_deg\": Linear(from: 0.1, to: 0.5, steps: 5)", &[]);
     assert_eq!(fov[..5], ["a 0.1", "a 0.2", "a 0.3", "a 0.4", "a 0.5"]);
 }
@@ -89,6 +95,11 @@ fn spaced_values_are_round_and_end_where_they_should() {
 #[test]
 fn set_wins_over_the_file_and_over_an_axis() {
     assert_eq!(cells("\"*.ViewGrid.size\": [(2, 2), (3, 3)]", &["*.ViewGrid.size=(5, 5)"]), ["a ", "b ", "c "]);
+    assert_eq!(
+        cells("\"*.ViewGrid.size\": [(2, 2), (3, 3)]", &["b.ViewGrid.size=(5, 5)"]),
+        ["a (2,2)", "a (3,3)", "b ", "c "]
+    );
+    assert_eq!(cells("\"scene.camera.Still.frames\": [2, 3]", &["scene.camera.frames=1"]).len(), 3);
     let settings = [read_setting("scene.camera.Still.eye=(1, 2, 3)").unwrap()];
     let cells = experiment("").unwrap().cells(&settings).unwrap();
     assert!(format!("{:?}", cells[0].scene.camera).contains("eye: (1.0, 2.0, 3.0)"));

@@ -222,3 +222,81 @@ fn every_experiment_runs() {
     }
     assert!(ran >= 5);
 }
+
+/// Runs an experiment made of parts and returns its records.
+fn records_of(folder: &Path, chains: &str, rest: &str, extra: &[&str]) -> Vec<serde_json::Value> {
+    let text = format!(
+        "Experiment(scene: (terrain: Noise(kind: Fbm, size: (65, 65), wavelength_m: 700), \
+         camera: Still(frames: 3, eye: (900, -100, 1400), look_at: (900, 900, 400)), viewport: (64, 48)), \
+         chains: {{{chains}}}, {rest})"
+    );
+    std::fs::write(folder.join("made.ron"), text).unwrap();
+    succeeded(&run(folder, &[&["run", "made.ron", "--out", "made"], extra].concat()));
+    records(&folder.join("made"))
+}
+
+/// A kernel that changes a buffer in place runs in every frame if what it changes is made in every frame.
+#[test]
+fn a_kernel_in_place_belongs_to_its_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let halve = "struct Params { size: vec2<u32> }
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> d: array<f32>;
+@compute @workgroup_size(8, 8) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if all(id.xy < params.size) { d[id.y * params.size.x + id.x] *= 0.5; }
+}";
+    std::fs::write(folder.path().join("halve.wgsl"), halve).unwrap();
+    let plain = "\"plain\": [HeightPyramid, RayCast]";
+    let halved = "\"halved\": [HeightPyramid, RayCast, Kernel(file: \"halve.wgsl\", bind: {\"d\": \"distance\"}, over: \"distance\")]";
+    let made = records_of(folder.path(), &format!("{plain}, {halved}"), "measure: [ScreenError]", &[]);
+    assert!(measure(&made[0], "error_mean").unwrap() < 1e-3);
+    assert!(measure(&made[1], "error_mean").unwrap() > 10.0, "{}", made[1]["plan"]);
+}
+
+/// A dump adds to what runs and never takes away from it, and its cell is another one.
+#[test]
+fn a_dump_does_not_change_a_finished_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let chain = "\"cast\": [HeightPyramid, RayCast]";
+    let dumped = records_of(folder.path(), chain, "measure: [Time]", &["--dump", "clear_until"]);
+    assert!(dumped[0]["plan"].as_str().unwrap().contains("cast"));
+    let steps = |record: &serde_json::Value| record["timings"]["kernels"].as_array().unwrap().len();
+    let plain = records_of(folder.path(), chain, "measure: [Time]", &[]);
+    assert_eq!(steps(&dumped[0]), steps(&plain[0]));
+    assert_ne!(dumped[0]["hash"], plain[0]["hash"]);
+}
+
+#[test]
+fn the_smallest_pictures_are_read_back_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let chain = "\"cast\": [HeightPyramid, RayCast, Shade(tint: false), Shade]";
+    for size in ["(1, 1)", "(3, 1)", "(1, 2)"] {
+        let set = format!("scene.viewport={size}");
+        let made = records_of(folder.path(), chain, "measure: [ScreenError, Image]", &["--set", &set]);
+        assert!(measure(&made[0], "error_max").unwrap() < 0.02, "{size}");
+        // the truth is shaded like the last of two shades
+        assert_eq!(measure(&made[0], "equal_pictures"), Some(1.0), "{size}");
+    }
+}
+
+/// The grid samples no level that the pyramid does not have.
+#[test]
+fn a_low_pyramid_is_sampled_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let chain = |name: &str, pyramid: &str, project: &str| {
+        format!("\"{name}\": [HeightPyramid{pyramid}, ViewGrid(size: (4, 4)), Project{project}, Rasterize]")
+    };
+    let both = [chain("made", "(max_level: 1)", ""), chain("sampled", "", "(max_level: 1)")].join(", ");
+    let made = records_of(folder.path(), &both, "measure: [ScreenError]", &[]);
+    assert_eq!(measure(&made[0], "error_mean"), measure(&made[1], "error_mean"));
+}
+
+#[test]
+fn a_stored_cell_is_called_what_this_run_calls_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let chain = "\"cast\": [HeightPyramid, RayCast]";
+    records_of(folder.path(), chain, "measure: [Time]", &[]);
+    let swept = records_of(folder.path(), chain, "sweep: {\"scene.fov_deg\": [60, 50]}, measure: [Time]", &[]);
+    let labels: Vec<_> = swept.iter().map(|record| record["settings"][0][1].as_str().unwrap()).collect();
+    assert_eq!(labels, ["60", "50"]);
+}

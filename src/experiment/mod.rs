@@ -127,17 +127,48 @@ impl Experiment {
     /// All cells, chain by chain in the order of the file. `settings` are the `--set` arguments; they win
     /// over the file, and take the place of an axis over the same path.
     pub fn cells(&self, settings: &[Setting]) -> Result<Vec<Cell>, Diagnostic> {
-        let fixed = |axis: &Axis| settings.iter().any(|setting| axis.paths.contains(&setting.path));
-        let axes: Vec<Axis> = self.axes.iter().filter(|axis| !fixed(axis)).cloned().collect();
-        self.check_paths(axes.iter().flat_map(|axis| axis.paths.iter().map(|path| (path, &axis.key))))?;
+        self.check_paths(self.axes.iter().flat_map(|axis| axis.paths.iter().map(|path| (path, &axis.key))))?;
         self.check_paths(settings.iter().map(|setting| (&setting.path, &setting.key)))?;
         let mut cells = Vec::new();
         for chain in &self.chain_names {
+            let axes = self.free_axes(chain, settings)?;
             for swept in sweep::product(&axes, |path| self.resolve(chain, path).is_some())? {
                 cells.push(self.cell(chain, &swept, settings)?);
             }
         }
         Ok(cells)
+    }
+
+    /// The axes that no setting takes the place of, for one chain. Two axes may not change the same thing: the
+    /// labels of the cells would say what only one of them did.
+    fn free_axes(&self, chain: &str, settings: &[Setting]) -> Result<Vec<Axis>, Diagnostic> {
+        let overlap = |a: &str, b: &str| match (self.resolve(chain, a), self.resolve(chain, b)) {
+            (Some(a), Some(b)) => a.starts_with(&b) || b.starts_with(&a),
+            _ => false,
+        };
+        let mut free: Vec<Axis> = Vec::new();
+        for axis in &self.axes {
+            let set = |path: &&String| settings.iter().any(|setting| overlap(&setting.path, path));
+            match axis.paths.iter().filter(set).count() {
+                0 => {}
+                count if count == axis.paths.len() => continue,
+                _ => {
+                    return Err(Diagnostic::input(format!(
+                        "`--set` fixes one path of the zipped axis `{}`",
+                        axis.name
+                    ))
+                    .at(&axis.key, "set all of its paths, or none"));
+                }
+            }
+            let same = |other: &&Axis| axis.paths.iter().any(|a| other.paths.iter().any(|b| overlap(a, b)));
+            if let Some(other) = free.iter().find(same) {
+                return Err(Diagnostic::input(format!("`{}` and `{}` change the same thing", other.name, axis.name))
+                    .at(&axis.key, "this axis")
+                    .at(&other.key, "and this one"));
+            }
+            free.push(axis.clone());
+        }
+        Ok(free)
     }
 
     fn check_paths<'a>(&self, paths: impl Iterator<Item = (&'a String, &'a Origin)>) -> Result<(), Diagnostic> {
@@ -170,7 +201,7 @@ impl Experiment {
         let parts: Vec<&str> = path.split('.').collect();
         let own = |parts: &[&str]| parts.iter().map(|part| part.to_string()).collect::<Vec<_>>();
         match parts.as_slice() {
-            ["scene", _, ..] => Some(own(&parts)),
+            ["scene", _, ..] => Some(plain(&self.root, &parts)),
             ["measure", name, _, ..] => {
                 let at = self.root.field("measure").and_then(|node| position(node, name))?;
                 Some([own(&["measure", &at.to_string()]), own(&parts[2..])].concat())
@@ -234,6 +265,21 @@ impl Cell {
     }
 }
 
+/// A path without the parts that only repeat a structure's own name (`camera.Flight.frames`), so that two ways to
+/// write a path are one.
+fn plain(root: &Node, parts: &[&str]) -> Vec<String> {
+    let mut node = Some(root);
+    let mut plain = Vec::new();
+    for part in parts {
+        if node.is_some_and(|node| node.name() == Some(part)) {
+            continue;
+        }
+        plain.push(part.to_string());
+        node = node.and_then(|node| node.field(part));
+    }
+    plain
+}
+
 fn required<'a>(root: &'a Node, name: &str, source: &Arc<Source>) -> Result<&'a Node, Diagnostic> {
     root.field(name).ok_or_else(|| {
         let start = Origin { source: source.clone(), range: root.origin.range.start..root.origin.range.start + 1 };
@@ -249,6 +295,10 @@ fn chain_names(node: &Node) -> Result<Vec<String>, Diagnostic> {
     let mut names: Vec<String> = Vec::new();
     for (key, stages) in entries {
         let name: String = key.parse()?;
+        if key.origin.text() != format!("\"{name}\"") {
+            return Err(Diagnostic::input("the name of a chain is written plainly")
+                .at(&key.origin, "expected \"name\" without escapes"));
+        }
         if names.contains(&name) {
             return Err(Diagnostic::input(format!("there are two chains called `{name}`")).at(&key.origin, "again"));
         }
@@ -312,7 +362,14 @@ fn read_measure(node: &Node) -> Result<Measure, Diagnostic> {
         Kind::Leaf => Kind::Struct { name: Some(node.origin.clone()), fields: Vec::new() },
         kind => kind.clone(),
     };
-    Node { origin: node.origin.clone(), kind: written }.parse()
+    let measure = Node { origin: node.origin.clone(), kind: written }.parse()?;
+    match measure {
+        Measure::Time { warmup, repeats } if warmup > MOST_FRAMES || repeats > MOST_FRAMES => {
+            Err(Diagnostic::input(format!("{warmup} frames of warm-up and {repeats} repeats"))
+                .at(&node.head(), format!("at most {MOST_FRAMES} of either")))
+        }
+        _ => Ok(measure),
+    }
 }
 
 /// Sizes above these are refused before anything is allocated.

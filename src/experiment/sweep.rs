@@ -61,6 +61,17 @@ fn read_axis(key: &Node, values: &Node) -> Result<Axis, Diagnostic> {
         }
         _ => spaced(values)?,
     };
+    let rows: Vec<Vec<Node>> = rows;
+    let mut seen: Vec<String> = Vec::new();
+    for row in &rows {
+        let text = row.iter().map(Node::canonical).collect::<Vec<_>>().join(" ");
+        if seen.contains(&text) {
+            return Err(
+                Diagnostic::input(format!("this axis has the value {text} twice")).at(&values.origin, "in here")
+            );
+        }
+        seen.push(text);
+    }
     if rows.is_empty() {
         return Err(Diagnostic::input("this axis has no values, so nothing would run").at(&values.origin, "empty"));
     }
@@ -78,12 +89,21 @@ fn zipped_row(item: &Node, width: usize) -> Result<Vec<Node>, Diagnostic> {
 fn spaced(node: &Node) -> Result<Vec<Vec<Node>>, Diagnostic> {
     let bad = |why: &str| Diagnostic::input(why).at(&node.origin, "this axis");
     let values: Vec<f64> = match node.parse::<Spaced>()? {
-        Spaced::Linear { from, to, steps } => linear(from, to, steps),
+        Spaced::Linear { steps, .. } | Spaced::Log { steps, .. } if steps as usize > MOST_CELLS => {
+            return Err(bad("this axis has too many steps"));
+        }
+        Spaced::Linear { from, to, steps } => linear(from, to, steps).into_iter().map(round_off).collect(),
         Spaced::Log { from, to, .. } if !(from > 0.0 && to > 0.0) => {
             return Err(bad("logarithmic steps need both ends above zero"));
         }
         Spaced::Log { from, to, steps } => {
-            linear(from.ln(), to.ln(), steps).into_iter().map(|log| round_off(log.exp())).collect()
+            let mut values: Vec<f64> =
+                linear(from.ln(), to.ln(), steps).into_iter().map(|log| round_off(log.exp())).collect();
+            // the ends are what was asked for, not what came back from the logarithm
+            let last = values.len().saturating_sub(1);
+            values.iter_mut().take(1).for_each(|first| *first = from);
+            values.iter_mut().skip(last.max(1)).for_each(|value| *value = to);
+            values
         }
         Spaced::Range { from, to, step } => {
             let count = ((to - from) / step + 1e-9).floor();
@@ -102,7 +122,7 @@ fn linear(from: f64, to: f64, steps: u32) -> Vec<f64> {
     match steps {
         0 => Vec::new(),
         1 => vec![from],
-        _ => (0..steps).map(|i| round_off(from + (to - from) * f64::from(i) / f64::from(steps - 1))).collect(),
+        _ => (0..steps).map(|i| from + (to - from) * f64::from(i) / f64::from(steps - 1)).collect(),
     }
 }
 

@@ -46,7 +46,7 @@ impl Node {
 
     /// Reads what stands after the first `start` bytes of a source.
     pub fn read_from(source: &Arc<Source>, start: usize) -> Result<Node, Diagnostic> {
-        let mut reader = Reader { source, at: start };
+        let mut reader = Reader { source, at: start, depth: 0 };
         reader.skip_attributes()?;
         let node = reader.value()?;
         reader.skip_blank()?;
@@ -255,9 +255,13 @@ fn first_line(origin: &Origin) -> Origin {
     Origin { source: origin.source.clone(), range: origin.range.start..end }
 }
 
+/// Brackets in brackets, more than any experiment has and fewer than a stack can hold.
+const DEEPEST: usize = 100;
+
 struct Reader<'a> {
     source: &'a Arc<Source>,
     at: usize,
+    depth: usize,
 }
 
 impl<'a> Reader<'a> {
@@ -333,6 +337,11 @@ impl<'a> Reader<'a> {
     fn value(&mut self) -> Result<Node, Diagnostic> {
         self.skip_blank()?;
         let start = self.at;
+        self.depth += 1;
+        if self.depth > DEEPEST {
+            return Err(Diagnostic::input(format!("more than {DEEPEST} brackets stand in each other"))
+                .at(&self.origin(start..start), "here"));
+        }
         let kind = match self.peek() {
             Some('[') => Kind::List(self.sequence(']')?),
             Some('{') => self.map()?,
@@ -343,6 +352,7 @@ impl<'a> Reader<'a> {
             Some(c) if c.is_ascii_digit() || "+-.".contains(c) => self.number(),
             _ => return Err(self.expected("a value")),
         };
+        self.depth -= 1;
         Ok(Node { origin: self.origin(start..self.at), kind })
     }
 

@@ -286,6 +286,8 @@ impl<'a> Executor<'a> {
             let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
             bytes = bytes.chunks_exact(padded).flat_map(|padded| &padded[..row]).copied().collect();
         }
+        // the smallest buffers are made larger than they need
+        bytes.truncate(size as usize);
         Ok(bytes)
     }
 

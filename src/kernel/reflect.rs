@@ -1,6 +1,6 @@
 //! What naga knows of a kernel: bindings by variable name, parameters by field name and offset.
 
-use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::valid::{Capabilities, GlobalUse, ValidationFlags, Validator};
 use naga::{AddressSpace, GlobalVariable, Handle, Module, ScalarKind, Span, StorageAccess, TypeInner};
 
 use super::Assembled;
@@ -77,7 +77,7 @@ pub enum BindingKind {
     /// `var<uniform>`: the parameters.
     Params(Structure),
     /// `var<storage, read>` or `read_write` of an array.
-    Storage { elem: Elem, written: bool },
+    Storage { elem: Elem, read: bool, written: bool },
     /// `texture_2d<f32>`: the terrain as an image, which many adapters read faster than an array.
     /// `texture_2d<u32>`: a render target.
     Image { float: bool },
@@ -128,7 +128,16 @@ pub fn reflect(assembled: &Assembled) -> Result<(Vec<Entry>, Vec<String>), Diagn
             .filter(|(handle, variable)| variable.binding.is_some() && !function[*handle].is_empty());
         let mut bindings = Vec::new();
         for (handle, variable) in used {
-            bindings.push(binding(assembled, &module, handle, variable)?);
+            let read = function[handle].contains(GlobalUse::READ);
+            bindings.push(binding(assembled, &module, handle, variable, read)?);
+        }
+        let is_params = |binding: &&Binding| matches!(binding.kind, BindingKind::Params(_));
+        if let Some(second) = bindings.iter().filter(is_params).nth(1) {
+            return Err(Diagnostic::input(format!(
+                "`{}` is a second uniform structure; a kernel has one",
+                second.name
+            ))
+            .at(&second.origin, "put its fields into the other"));
         }
         bindings.sort_by_key(|binding| binding.binding);
         let workgroup_size = entry.workgroup_size;
@@ -154,6 +163,7 @@ fn binding(
     module: &Module,
     handle: Handle<GlobalVariable>,
     variable: &GlobalVariable,
+    read: bool,
 ) -> Result<Binding, Diagnostic> {
     let name = variable.name.clone().unwrap_or_default();
     let span = module.global_variables.get_span(handle).to_range().unwrap_or_default();
@@ -172,7 +182,7 @@ fn binding(
         }
         (AddressSpace::Storage { access }, TypeInner::Array { base, .. }) => {
             match Elem::from_type(&module.types[*base].inner) {
-                Some(elem) => BindingKind::Storage { elem, written: access.contains(StorageAccess::STORE) },
+                Some(elem) => BindingKind::Storage { elem, read, written: access.contains(StorageAccess::STORE) },
                 None => {
                     return refuse("is an array of a type that no buffer has: f32, u32, i32, vec2 and vec4 of them");
                 }

@@ -78,7 +78,7 @@ pub fn largest_px(mesh: &Triangles, camera: &Camera) -> Option<f64> {
     mesh.corners.iter().filter_map(longest).reduce(f64::max)
 }
 
-/// Worst values over the frames.
+/// Over the frames: the most triangles, the sum of cracks and folds, the largest cell.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Summary {
     triangles: usize,

@@ -100,6 +100,7 @@ impl<'a> Chain<'a> {
             meaning: "height samples, row 0 is north".into(),
             storage: Storage::Input,
             missing: None,
+            top_level: None,
             often: Often::Once,
             lifetime: None,
             slot: None,
@@ -133,6 +134,10 @@ impl<'a> Chain<'a> {
         self.later = later;
     }
 
+    pub fn has(&self, name: &str) -> bool {
+        self.buffers.iter().any(|buffer| buffer.name == name)
+    }
+
     /// A buffer that a stage before this one made, or the terrain's `height`.
     pub fn read(&self, name: &str) -> Result<BufferId, Diagnostic> {
         if let Some(at) = self.buffers.iter().rposition(|buffer| buffer.name == name) {
@@ -149,6 +154,33 @@ impl<'a> Chain<'a> {
         })
     }
 
+    /// Like [`Chain::read`], for a buffer that has to be of one kind: any stage can make a buffer of that name.
+    /// Kernels that run without bounds checks rely on it.
+    pub fn read_as(&self, name: &str, elem: Elem, dims: &[u32]) -> Result<BufferId, Diagnostic> {
+        let id = self.read(name)?;
+        let buffer = self.buffer(id);
+        if buffer.elem == elem && buffer.dims == dims {
+            return Ok(id);
+        }
+        let message = format!(
+            "`{}` needs `{name}` as {elem:?} {dims:?}, but here it is {:?} {:?}",
+            self.stage, buffer.elem, buffer.dims
+        );
+        Err(Diagnostic::input(message).at(&self.origin, "this stage"))
+    }
+
+    /// Like [`Chain::read_as`], for a grid of any size with at least two rows and columns; returns both.
+    pub fn read_grid(&self, name: &str, elem: Elem) -> Result<(BufferId, UVec2), Diagnostic> {
+        let id = self.read(name)?;
+        let buffer = self.buffer(id);
+        match buffer.dims[..] {
+            [rows, columns] if rows >= 2 && columns >= 2 && buffer.elem == elem => Ok((id, UVec2::new(columns, rows))),
+            _ => Err(Diagnostic::input(format!("`{}` needs `{name}` as a grid of {elem:?}", self.stage))
+                .at(&self.origin, "this stage")
+                .help("at least two rows and two columns")),
+        }
+    }
+
     pub fn buffer(&self, id: BufferId) -> &Buffer {
         &self.buffers[id.0]
     }
@@ -162,6 +194,7 @@ impl<'a> Chain<'a> {
             meaning: meaning.into(),
             storage: Storage::Buffer,
             missing: None,
+            top_level: None,
             often: Often::EveryFrame,
             lifetime: None,
             slot: None,
@@ -175,6 +208,10 @@ impl<'a> Chain<'a> {
         let id = self.make("distance", Elem::F32, &[height, width], "m", "distance along the pixel's ray");
         self.buffers[id.0].missing = Some(-1.0);
         id
+    }
+
+    pub fn set_top_level(&mut self, pyramid: BufferId, level: u32) {
+        self.buffers[pyramid.0].top_level = Some(level);
     }
 
     pub fn make_target(&mut self, name: &str, meaning: &str) -> BufferId {
@@ -340,7 +377,7 @@ impl StepBuilder<'_, '_> {
         if let Work::Draw { fragment, .. } = &self.step.work {
             entries.push(self.step.kernel.entry(fragment)?);
         }
-        let (mut reads, mut writes) = (Vec::new(), Vec::new());
+        let (mut reads, mut in_place, mut writes) = (Vec::new(), Vec::new(), Vec::new());
         for binding in entries.iter().flat_map(|entry| &entry.bindings) {
             let bound = self.step.bindings.iter().map(|(name, id)| (name, *id));
             let optional = self.step.optional.iter().map(|(name, id, _)| (name, *id));
@@ -351,16 +388,28 @@ impl StepBuilder<'_, '_> {
                 (_, None) => {
                     return Err(self.mistake(format!("`{}` is not bound to a buffer", binding.name), &binding.origin));
                 }
-                (BindingKind::Storage { elem, written }, Some(id)) => {
+                (BindingKind::Storage { elem, read, written }, Some(id)) => {
                     let buffer = self.chain.buffer(id);
-                    if buffer.elem != *elem || buffer.storage == Storage::Target {
+                    if buffer.storage == Storage::Target {
+                        let message = format!("`{}` is a render target; bind it as `texture_2d<u32>`", buffer.name);
+                        return Err(self.mistake(message, &binding.origin));
+                    }
+                    if buffer.elem != *elem {
                         let message = format!(
                             "`{}` is an array of {elem:?}, but the buffer `{}` holds {:?}",
                             binding.name, buffer.name, buffer.elem
                         );
                         return Err(self.mistake(message, &binding.origin));
                     }
-                    if *written { writes.push(id) } else { reads.push(id) }
+                    match (*read, *written) {
+                        (_, false) => reads.push(id),
+                        // what an earlier step left there goes into what this one leaves
+                        (true, true) if self.chain.steps.iter().any(|step| step.writes.contains(&id)) => {
+                            in_place.push(id);
+                            writes.push(id);
+                        }
+                        _ => writes.push(id),
+                    }
                 }
                 (BindingKind::Image { float }, Some(id)) => {
                     let buffer = self.chain.buffer(id);
@@ -407,6 +456,7 @@ impl StepBuilder<'_, '_> {
             .collect();
         self.step.params.retain(|(name, _)| used.contains(name));
         self.step.reads.extend(reads);
+        self.step.reads.extend(in_place);
         self.step.writes.extend(writes);
         self.chain.steps.push(self.step);
         Ok(())

@@ -48,6 +48,8 @@ pub struct Buffer {
     pub storage: Storage,
     /// The value that means "no surface here"; dumped as NaN.
     pub missing: Option<f32>,
+    /// Coarsest level, for a pyramid that does not go up to a single node.
+    pub top_level: Option<u32>,
     pub often: Often,
     /// First and last step that touches it; `None` if nothing does.
     pub lifetime: Option<(usize, usize)>,
@@ -57,11 +59,11 @@ pub struct Buffer {
 
 impl Buffer {
     pub fn elements(&self) -> u64 {
-        self.dims.iter().map(|&side| u64::from(side)).product()
+        self.dims.iter().fold(1, |product: u64, &side| product.saturating_mul(side.into()))
     }
 
     pub fn bytes(&self) -> u64 {
-        self.elements() * self.elem.bytes()
+        self.elements().saturating_mul(self.elem.bytes())
     }
 }
 

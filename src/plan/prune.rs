@@ -2,24 +2,25 @@
 
 use super::{BufferId, LeftOut, Often, Plan, Storage};
 
-/// A step runs once if nothing in it changes with the camera: neither its parameters nor what it reads.
+/// A step runs once if nothing in it changes with the camera: neither its parameters, nor what it reads, nor
+/// what others write where it writes. The last two depend on other steps, so the answer is a fixed point.
 pub fn classify(plan: &mut Plan) {
-    for index in 0..plan.steps.len() {
-        let step = &plan.steps[index];
-        let fixed = |id: &BufferId| plan.buffers[id.0].often == Often::Once;
-        let optional = step.optional.iter().map(|(_, id, _)| *id);
-        let written: Vec<BufferId> = step.writes.iter().copied().chain(optional).collect();
-        // a buffer that a later, per-frame step writes again has to be made again every frame
-        let rewritten = |id: &BufferId| {
-            plan.steps[index + 1..].iter().any(|later| later.writes.contains(id) && later.is_per_frame())
-        };
-        let own = |id: &BufferId| step.writes.contains(id);
-        let once =
-            !step.is_per_frame() && step.reads.iter().all(|id| own(id) || fixed(id)) && !written.iter().any(rewritten);
-        let often = if once { Often::Once } else { Often::EveryFrame };
-        plan.steps[index].often = often;
-        for id in written {
-            plan.buffers[id.0].often = often;
+    plan.buffers.iter_mut().for_each(|buffer| buffer.often = Often::Once);
+    plan.steps.iter_mut().for_each(|step| step.often = Often::Once);
+    loop {
+        let mut changed = false;
+        for step in &mut plan.steps {
+            let written = step.writes.iter().chain(step.optional.iter().map(|(_, id, _)| id));
+            let every_frame = |id: &BufferId| plan.buffers[id.0].often == Often::EveryFrame;
+            let moves = step.is_per_frame() || step.reads.iter().any(every_frame) || written.clone().any(every_frame);
+            if step.often == Often::Once && moves {
+                step.often = Often::EveryFrame;
+                written.for_each(|id| plan.buffers[id.0].often = Often::EveryFrame);
+                changed = true;
+            }
+        }
+        if !changed {
+            return;
         }
     }
 }
@@ -54,8 +55,9 @@ pub fn prune(plan: &mut Plan) {
 
 /// Switches off the optional outputs that nobody wants; the others become ordinary bindings.
 pub fn resolve_optional(plan: &mut Plan, keep_everything: bool) {
-    let wanted: Vec<BufferId> =
-        plan.steps.iter().flat_map(|step| step.reads.iter().copied()).chain(plan.outputs.iter().copied()).collect();
+    // what a step reads only to write it again is no reason to have it
+    let others = plan.steps.iter().flat_map(|step| step.reads.iter().filter(|id| !step.writes.contains(id)));
+    let wanted: Vec<BufferId> = others.copied().chain(plan.outputs.iter().copied()).collect();
     let mut dropped: Vec<BufferId> = Vec::new();
     for step in &mut plan.steps {
         for (variable, id, constant) in std::mem::take(&mut step.optional) {
@@ -66,6 +68,7 @@ pub fn resolve_optional(plan: &mut Plan, keep_everything: bool) {
                 continue;
             }
             step.writes.retain(|written| *written != id);
+            step.reads.retain(|read| *read != id);
             step.optional.push((variable, id, constant));
             if !dropped.contains(&id) {
                 dropped.push(id);

@@ -173,6 +173,12 @@ impl Store {
         self.write(&format!("cells/{}.json", record.hash), &json)
     }
 
+    /// Removes a file of an earlier run that would not be true any more.
+    pub fn remove(&self, name: &str) {
+        // most often it is not there
+        let _ = fs::remove_file(self.folder.join(name));
+    }
+
     /// Writes a file under the folder in one step: it is there whole or not at all.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Diagnostic> {
         let path = self.folder.join(name);

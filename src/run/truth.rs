@@ -38,7 +38,7 @@ pub fn shading(cell: &Cell) -> String {
 }
 
 fn own_shade(cell: &Cell) -> Option<&StageCall> {
-    cell.stages.iter().find(|call| call.name == "Shade")
+    cell.stages.iter().rfind(|call| call.name == "Shade")
 }
 
 /// The chain that makes the truth: the exact ray cast, shaded like the cell shades.

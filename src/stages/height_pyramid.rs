@@ -77,6 +77,7 @@ impl Stage for HeightPyramid {
         let means = chain.make("height_mean", Elem::F32, &mean.dims(), "m", "mean pyramid over samples");
         let kernel = Kernel::built_in("height_pyramid.wgsl")?;
         let mean_top = self.max_level.unwrap_or(mean.top).min(mean.top);
+        chain.set_top_level(means, mean_top);
         if mean_top < mean.top {
             let nodes = |level| u64::from(mean.size(level).element_product());
             let saved = (mean_top + 1..=mean.top).map(nodes).sum::<u64>();

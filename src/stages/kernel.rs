@@ -114,7 +114,10 @@ fn read(node: &Node, folder: &Path) -> Result<Box<dyn Stage>, Diagnostic> {
     })?;
     let kernel = Wgsl::from_source(Source::new(path.display().to_string(), text), false)?;
     let entry: String = node.field("entry").map_or(Ok("main".into()), Node::parse)?;
-    kernel.entry(&entry)?;
+    if kernel.entry(&entry)?.stage != naga::ShaderStage::Compute {
+        return Err(Diagnostic::input(format!("`{entry}` is no compute entry point"))
+            .at(&kernel.assembled.main.everywhere(), "in this kernel"));
+    }
     let repeat: u32 = node.field("repeat").map_or(Ok(1), Node::parse)?;
     if !(1..=MOST_REPEATS).contains(&repeat) {
         let origin = node.field("repeat").map_or(&node.origin, |node| &node.origin);

@@ -46,23 +46,24 @@ impl Project {
         self.filter == Filter::Finest || frame_is_flat
     }
 
-    fn top(&self, layout: &Layout) -> u32 {
-        self.max_level.unwrap_or(layout.top).min(layout.top)
+    /// The coarsest level that is sampled, of those that were `made`.
+    fn top(&self, made: u32) -> u32 {
+        self.max_level.unwrap_or(made).min(made)
     }
 }
 
 impl Stage for Project {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let points = chain.read("grid_point")?;
-        let height = chain.read("height")?;
+        let (points, size) = chain.read_grid("grid_point", Elem::Vec2F32)?;
+        let (columns, rows) = (size.x, size.y);
+        let samples = chain.data.terrain.size;
+        let layout = Layout::new(samples);
+        let height = chain.read_as("height", Elem::F32, &[samples.y, samples.x])?;
         let finest = self.finest(chain.data.is_flat());
-        let mean = if finest { height } else { chain.read("height_mean")? };
+        let mean = if finest { height } else { chain.read_as("height_mean", Elem::F32, &layout.dims())? };
         if chain.data.is_flat() && self.filter != Filter::Finest {
             chain.leave_out("the mean pyramid", "the terrain is flat, every level is the same", 0, 0);
         }
-        let &[rows, columns] = chain.buffer(points).dims.as_slice() else {
-            return Err(Diagnostic::input("`grid_point` is not a grid").at(chain.origin(), "needs rows and columns"));
-        };
         let vertices = chain.make(
             "vertex",
             Elem::Vec4F32,
@@ -70,7 +71,7 @@ impl Stage for Project {
             "m",
             "x east, y north, z up from the eye; w: pyramid level",
         );
-        let layout = Layout::new(chain.data.terrain.size);
+        let made = chain.buffer(mean).top_level.unwrap_or(layout.top);
         let kernel = Kernel::built_in("project.wgsl")?;
         let projectors: Vec<Projector> =
             chain.data.cameras.iter().map(|camera| Projector::new(chain.data, camera)).collect();
@@ -94,7 +95,7 @@ impl Stage for Project {
             .set_series("down", vectors(|projector| projector.down))
             .set("stride", layout.stride)
             .set("tall", layout.tall)
-            .set("max_level", self.top(&layout))
+            .set("max_level", self.top(made))
             .over(UVec2::new(columns, rows))
     }
 
@@ -149,6 +150,9 @@ impl Project {
         let sample = terrain.sample_from_world(here + eye_m.truncate()).clamp(DVec2::ZERO, last);
         let off_cells = off_m / terrain.cell_m.min_element() + 8.0 * EPSILON * last.max_element();
         let layout = Layout::new(terrain.size);
+        let means = buffers.get("height_mean");
+        let is_made = |level: &u32| means.value.get(layout.index(*level, 0, 0)).is_some_and(|mean| !mean.is_nan());
+        let made = (1..=layout.top).take_while(is_made).last().unwrap_or(0);
         let field = Pyramid {
             buffers,
             size: terrain.size,
@@ -164,16 +168,16 @@ impl Project {
         let extent = neighbours.iter().map(distance).fold(0.0, f64::max);
         let off_extent =
             (off_m + neighbours.iter().map(|(_, off)| *off).fold(0.0, f64::max)) / terrain.cell_m.min_element();
-        let level = extent.max(1.0).log2().clamp(0.0, f64::from(self.top(&layout)));
+        let level = extent.max(1.0).log2().clamp(0.0, f64::from(self.top(made)));
         // d log2(e) = de / (e ln 2); Vulkan allows log2 an absolute error of 2^-21 near 1 and 3 ulp elsewhere
         let off_level = off_extent / (extent.max(1.0) * std::f64::consts::LN_2) + 5e-7 + 8.0 * EPSILON * level;
         let finer = level.floor();
         let (fine_m, fine_off) = field.height(finer as u32, sample, off_cells);
-        let (coarse_m, coarse_off) = field.height((finer as u32 + 1).min(self.top(&layout)), sample, off_cells);
+        let (coarse_m, coarse_off) = field.height((finer as u32 + 1).min(self.top(made)), sample, off_cells);
         let (height_m, bound) = match self.filter {
             Filter::Trilinear => {
                 // across a whole level the blend goes on where the one before ended: the difference to the next is enough
-                let slope = field.step_m(finer as u32, sample, off_cells);
+                let slope = field.step_m(finer as u32, self.top(made), sample, off_cells);
                 (fine_m + (coarse_m - fine_m) * (level - finer), fine_off.max(coarse_off) + off_level * slope)
             }
             // the level jumps at whole numbers
@@ -228,8 +232,8 @@ impl Pyramid<'_> {
     }
 
     /// Largest height difference between neighbouring levels around `level`.
-    fn step_m(&self, level: u32, sample: DVec2, off: f64) -> f64 {
-        let at = |level: u32| self.height(level.min(self.layout.top), sample, off).0;
+    fn step_m(&self, level: u32, top: u32, sample: DVec2, off: f64) -> f64 {
+        let at = |level: u32| self.height(level.min(top), sample, off).0;
         let middle = at(level);
         let next = at(level + 1);
         (middle - next).abs().max((at(level.saturating_sub(1)) - middle).abs()).max((at(level + 2) - next).abs())

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use super::{EPSILON, Info, Stage, read_params};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
-use crate::kernel::Kernel;
+use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
 use crate::reference::{Buffers, Frame, Values};
 
@@ -30,14 +30,18 @@ const NEAR_M: f32 = 0.1;
 
 impl Stage for Rasterize {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let vertices = chain.read("vertex")?;
-        let &[rows, columns] = chain.buffer(vertices).dims.as_slice() else {
-            return Err(Diagnostic::input("`vertex` is not a grid").at(chain.origin(), "needs rows and columns"));
+        let (vertices, size) = chain.read_grid("vertex", Elem::Vec4F32)?;
+        let (columns, rows) = (size.x, size.y);
+        let corners = 6 * u64::from(columns - 1) * u64::from(rows - 1);
+        let Ok(corners) = u32::try_from(corners) else {
+            return Err(Diagnostic::input(format!(
+                "a mesh of {columns} x {rows} vertices has too many triangles to draw"
+            ))
+            .at(chain.origin(), "this stage"));
         };
         let visible = chain.make_target("visible", "number of the nearest triangle plus one; 0 is none");
         let distance = chain.make_distance();
         let kernel = Kernel::built_in("rasterize.wgsl")?;
-        let triangles = 2 * (columns - 1) * (rows - 1);
         let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
         let (width, tall) = chain.data.scene.viewport;
         for (label, entry) in [("draw", "draw"), ("resolve", "resolve")] {
@@ -53,7 +57,7 @@ impl Stage for Rasterize {
                 .set_per_frame("half_tan", |camera| camera.half_tan.as_vec2().to_array())
                 .bind("vertex", vertices);
             match entry {
-                "draw" => step.draw(3 * triangles, visible, "keep")?,
+                "draw" => step.draw(corners, visible, "keep")?,
                 _ => step.bind("visible", visible).bind("distance", distance).over(UVec2::new(width, tall))?,
             }
         }

@@ -31,14 +31,14 @@ const TILE: u32 = 8;
 
 impl Stage for RayCast {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let layout = bounds_layout(chain.data.terrain.size);
         let height = chain.read("height")?;
-        let highest = chain.read("height_max")?;
+        let highest = chain.read_as("height_max", Elem::F32, &layout.dims())?;
         let underside = chain.data.sees_underside;
-        let lowest = if underside { chain.read("height_min")? } else { highest };
+        let lowest = if underside { chain.read_as("height_min", Elem::F32, &layout.dims())? } else { highest };
         if !underside {
             chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
         }
-        let layout = bounds_layout(chain.data.terrain.size);
         let (width, tall) = chain.data.scene.viewport;
         let tiles = UVec2::new(width.div_ceil(TILE), tall.div_ceil(TILE));
         let start =

@@ -55,9 +55,10 @@ fn sun_direction(light: &Light) -> DVec3 {
 
 impl Stage for Shade {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let height = chain.read("height")?;
-        let distance = chain.read("distance")?;
         let (width, tall) = chain.data.scene.viewport;
+        let samples = chain.data.terrain.size;
+        let height = chain.read_as("height", Elem::F32, &[samples.y, samples.x])?;
+        let distance = chain.read_as("distance", Elem::F32, &[tall, width])?;
         let light = chain.data.scene.light;
         let pixels = u64::from(width) * u64::from(tall);
         if !self.needs_sun(&light) {

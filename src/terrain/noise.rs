@@ -9,6 +9,9 @@ use crate::experiment::scene::{Noise, NoiseKind};
 
 type Field = Box<dyn Fn([f64; 2]) -> f64 + Sync + Send>;
 
+/// Waves of the finest octave.
+const LARGEST_LATTICE: f64 = 1e12;
+
 pub fn generate(spec: &Noise) -> Result<HeightField, TerrainError> {
     let bad = |what: String| Err(TerrainError::Parameter(what));
     if !(1..=32).contains(&spec.octaves) {
@@ -16,6 +19,17 @@ pub fn generate(spec: &Noise) -> Result<HeightField, TerrainError> {
     }
     if !(spec.wavelength_m > 0.0 && spec.wavelength_m.is_finite()) {
         return bad(format!("a wavelength of {} m", spec.wavelength_m));
+    }
+    let numbers = [spec.lacunarity, spec.persistence, spec.warp_m, spec.height_m.0, spec.height_m.1];
+    if !numbers.iter().all(|number| number.is_finite()) || !(0.0..=4.0).contains(&spec.persistence) {
+        return bad("lacunarity, warp and heights have to be numbers, and persistence one from 0 to 4".into());
+    }
+    // the lattice of the noise is counted in integers
+    let (cell_x, cell_y) = spec.cell_m.xy();
+    let extent_m = f64::from(spec.size.0) * cell_x + f64::from(spec.size.1) * cell_y + 4.0 * spec.warp_m.abs();
+    let farthest = (256.0 + extent_m / spec.wavelength_m) * spec.lacunarity.abs().max(1.0).powi(spec.octaves as i32);
+    if farthest.is_nan() || farthest > LARGEST_LATTICE {
+        return bad(format!("the finest octave has {farthest:.1e} waves; {LARGEST_LATTICE:.0e} can be counted"));
     }
     let mut random = StdRng::seed_from_u64(spec.seed);
     // a lattice repeats every 256 units, so a random place in it is as good as a random lattice
