@@ -3,7 +3,7 @@
 //! Read the modules in this order: an [`experiment`] file names a [`terrain`], a [`camera`] path and chains of
 //! [`stages`], each of which dispatches a WGSL [`kernel`]. A cell of its sweep becomes a [`plan`], a pure value:
 //! what runs, on which buffers, and what is left out and why. The plan is carried out on the [`gpu`], or walked
-//! in f64 by the [`reference`]. The buffers that come back are compared with exact ground truth ([`measure`]);
+//! in f64 by the [`mod@reference`]. The buffers that come back are compared with exact ground truth ([`measure`]);
 //! a [`run`] keeps a record of each cell and makes a [`report`]. [`check`] holds every stage to its reference.
 //!
 //! ```

@@ -1,7 +1,7 @@
 //! The plan: a pure value that says what runs, on which buffers, how often, and what was left out and why.
 //!
 //! A chain is planned in three passes: every stage states its buffers and steps ([`chain`]), demand flows back
-//! from what is wanted and drops the rest ([`prune`]), and the buffers that are left get memory ([`alias`]).
+//! from what is wanted and drops the rest (`prune`), and the buffers that are left get memory (`alias`).
 
 mod alias;
 pub mod chain;
