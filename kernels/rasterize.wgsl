@@ -81,8 +81,11 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let ray = view_ray_of_pixel(params.camera, id.xy);
     let normal = cross(b - a, c - a);
     let steep = dot(normal, ray);
-    // seen edge-on the plane says nothing; its farthest corner bounds the answer in any case
-    let farthest = max(length(a), max(length(b), length(c)));
-    let along = select(dot(normal, a) / steep, 0.0, steep == 0.0) * length(ray);
-    distance[index] = clamp(along, 0.0, farthest);
+    // a ray's parameter is its depth, and depth is linear on a triangle: its corners bound the answer, also where the
+    // rasterizer drew a pixel just beside it and its plane is seen all but edge-on
+    let depth = vec3(dot(params.view_forward, a), dot(params.view_forward, b), dot(params.view_forward, c));
+    let nearest = max(min(depth.x, min(depth.y, depth.z)), 0.0);
+    let farthest = max(depth.x, max(depth.y, depth.z));
+    let t = select(dot(normal, a) / steep, nearest, steep == 0.0);
+    distance[index] = clamp(t, nearest, farthest) * length(ray);
 }

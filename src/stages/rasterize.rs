@@ -130,7 +130,10 @@ impl Mesh {
             }
             let normal = (b - a).cross(c - a);
             let steep = normal.dot(ray);
-            let t = normal.dot(a) / steep;
+            // t is the depth, which is linear on the triangle
+            let depths = [a, b, c].map(|corner| corner.dot(camera.forward()));
+            let (near, far) = depths.iter().fold((f64::MAX, 0.0f64), |(low, high), &z| (low.min(z), high.max(z)));
+            let t = (normal.dot(a) / steep).max(near.max(0.0)).min(far);
             let in_front = t * camera.forward().dot(ray) > f64::from(NEAR_M);
             if !in_front || steep == 0.0 {
                 continue;
