@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::memory::{COLOUR, DEPTH, Place, make_buffer, make_buffers, upload};
 use super::{Gpu, GpuError};
 use crate::kernel::{BindingKind, Entry, Field, FieldKind, Kernel, Structure};
-use crate::plan::{BufferId, Often, Plan, SceneData, Step, Storage, Value, Work};
+use crate::plan::{BufferId, Often, Plan, SceneData, Step, Value, Work};
 
 /// GPU time of one step; `None` if the adapter's stamps are missing or contradict the clock.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,39 +36,6 @@ pub struct Executor<'a> {
     pub prepare_ms: f64,
 }
 
-/// Where a buffer of the plan lives.
-enum Place {
-    Buffer(wgpu::Buffer),
-    Target {
-        texture: wgpu::Texture,
-        view: wgpu::TextureView,
-        depth: wgpu::TextureView,
-    },
-    /// The terrain, in the forms its kernels bind it.
-    Input {
-        array: Option<wgpu::Buffer>,
-        image: Option<(wgpu::Texture, wgpu::TextureView)>,
-    },
-}
-
-impl Place {
-    fn array(&self) -> Option<&wgpu::Buffer> {
-        match self {
-            Place::Buffer(buffer) => Some(buffer),
-            Place::Input { array, .. } => array.as_ref(),
-            Place::Target { .. } => None,
-        }
-    }
-
-    fn image(&self) -> Option<&wgpu::TextureView> {
-        match self {
-            Place::Target { view, .. } => Some(view),
-            Place::Input { image, .. } => image.as_ref().map(|(_, view)| view),
-            Place::Buffer(_) => None,
-        }
-    }
-}
-
 struct Prepared {
     pipeline: Pipeline,
     bind_group: wgpu::BindGroup,
@@ -85,9 +53,6 @@ struct Stamps {
     resolved: wgpu::Buffer,
     readable: wgpu::Buffer,
 }
-
-const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 impl<'a> Executor<'a> {
     pub fn new(gpu: &'a Gpu, plan: &'a Plan, data: &SceneData) -> Result<Self, GpuError> {
@@ -479,18 +444,6 @@ fn unbound(step: &Step, name: &str) -> GpuError {
     }
 }
 
-fn upload(gpu: &Gpu, place: &Place, bytes: &[u8]) {
-    let Place::Input { array, image } = place else { return };
-    if let Some(array) = array {
-        gpu.queue.write_buffer(array, 0, bytes);
-    }
-    if let Some((texture, _)) = image {
-        let layout =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * texture.width()), rows_per_image: None };
-        gpu.queue.write_texture(texture.as_image_copy(), bytes, layout, texture.size());
-    }
-}
-
 fn make_module(gpu: &Gpu, kernel: &Arc<Kernel>) -> wgpu::ShaderModule {
     let source = wgpu::ShaderSource::Wgsl(kernel.assembled.text.as_str().into());
     let descriptor = wgpu::ShaderModuleDescriptor { label: Some(&kernel.name), source };
@@ -548,81 +501,6 @@ fn make_pipeline(
         multiview_mask: None,
         cache: None,
     }))
-}
-
-fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> {
-    use wgpu::BufferUsages as Usage;
-    let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST | Usage::INDIRECT;
-    let slots =
-        plan.slots.iter().enumerate().map(|(at, &bytes)| make_buffer(gpu, &format!("block {at}"), bytes, usage));
-    let slots: Vec<wgpu::Buffer> = slots.collect::<Result<_, _>>()?;
-    let place = |(at, buffer): (usize, &crate::plan::Buffer)| match (buffer.lifetime, buffer.storage, buffer.slot) {
-        (None, _, _) => Ok(None),
-        (_, Storage::Input, _) => {
-            let (is_array, is_image) = plan.bound_as(BufferId(at));
-            let array = is_array.then(|| make_buffer(gpu, &buffer.name, buffer.bytes(), usage)).transpose()?;
-            let image = is_image.then(|| make_image(gpu, &buffer.name, buffer.dims[1], buffer.dims[0])).transpose()?;
-            Ok(Some(Place::Input { array, image }))
-        }
-        (_, Storage::Target, _) => make_target(gpu, &buffer.name, buffer.dims[1], buffer.dims[0]).map(Some),
-        (_, _, Some(slot)) => Ok(Some(Place::Buffer(slots[slot].clone()))),
-        _ => make_buffer(gpu, &buffer.name, buffer.bytes(), usage).map(Place::Buffer).map(Some),
-    };
-    plan.buffers.iter().enumerate().map(place).collect()
-}
-
-fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
-    let descriptor =
-        wgpu::BufferDescriptor { label: Some(name), size: bytes.max(16), usage, mapped_at_creation: false };
-    gpu.scoped(&format!("the buffer `{name}`"), || gpu.device.create_buffer(&descriptor))
-}
-
-fn make_texture(
-    gpu: &Gpu,
-    name: &str,
-    (width, height): (u32, u32),
-    format: wgpu::TextureFormat,
-    usage: wgpu::TextureUsages,
-) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(name),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage,
-        view_formats: &[],
-    })
-}
-
-fn make_image(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<(wgpu::Texture, wgpu::TextureView), GpuError> {
-    use wgpu::TextureUsages as Usage;
-    gpu.scoped(&format!("the image `{name}`"), || {
-        let texture = make_texture(
-            gpu,
-            name,
-            (width, height),
-            wgpu::TextureFormat::R32Float,
-            Usage::TEXTURE_BINDING | Usage::COPY_DST,
-        );
-        let view = texture.create_view(&Default::default());
-        (texture, view)
-    })
-}
-
-fn make_target(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<Place, GpuError> {
-    use wgpu::TextureUsages as Usage;
-    let texture = |format, usage| make_texture(gpu, name, (width, height), format, usage);
-    gpu.scoped(&format!("the render target `{name}`"), || {
-        let colour = texture(COLOUR, Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC);
-        let depth = texture(DEPTH, Usage::RENDER_ATTACHMENT);
-        Place::Target {
-            view: colour.create_view(&Default::default()),
-            depth: depth.create_view(&Default::default()),
-            texture: colour,
-        }
-    })
 }
 
 /// Writes a frame's parameters where naga says their fields are.

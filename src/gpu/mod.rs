@@ -2,6 +2,7 @@
 
 pub mod device;
 pub mod execute;
+mod memory;
 mod timing;
 
 use thiserror::Error;
