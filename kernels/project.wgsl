@@ -1,5 +1,6 @@
 //!include lib/terrain.wgsl
 //!include lib/pyramid.wgsl
+//!include lib/projector.wgsl
 // Grid points to terrain vertices: ray to the base plane (Livny et al. 2008, Eq. 1), height from the mean
 // pyramid at the level that fits the cell's extent (their Eq. 6; Loeffler et al. 2009, Eq. 1).
 
@@ -7,13 +8,7 @@ struct Params {
     terrain: Terrain,
     /// Columns and rows of grid points.
     grid: vec2<u32>,
-    /// The projector's eye and the base plane, relative to the camera's eye, metres.
-    projector_m: vec3<f32>,
-    base_m: f32,
-    /// Ray of grid point (u, v): corner + u right + v down.
-    corner: vec3<f32>,
-    right: vec3<f32>,
-    down: vec3<f32>,
+    projector: Projector,
     stride: u32,
     tall: u32,
     /// Coarsest level that is sampled.
@@ -33,13 +28,8 @@ override BILINEAR: bool = false;
 /// Blend the two levels around the wanted one instead of taking the finer.
 override BLEND: bool = true;
 
-/// Where the ray through a grid point meets the base plane, in metres from the camera's eye.
-fn ground(at: vec2<u32>) -> vec2<f32> {
-    let uv = grid_point[at.y * params.grid.x + at.x];
-    let ray = params.corner + uv.x * params.right + uv.y * params.down;
-    // the projector never looks at or above the horizon, so ray.z < 0
-    let s = (params.base_m - params.projector_m.z) / ray.z;
-    return params.projector_m.xy + s * ray.xy;
+fn ground_of(at: vec2<u32>) -> vec2<f32> {
+    return ground(params.projector, grid_point[at.y * params.grid.x + at.x]);
 }
 
 fn sample(level: u32, at: vec2<i32>) -> f32 {
@@ -52,25 +42,15 @@ fn sample(level: u32, at: vec2<i32>) -> f32 {
 /// The surface at level 0, bilinear between the nodes of the others; `cells` are relative sample coordinates. A node stands in the middle
 /// of its samples; beyond the outermost nodes the height stays as it is there.
 fn height_at(level: u32, cells: vec2<f32>) -> f32 {
-    let scale = 1.0 / f32(1u << level);
     let last = vec2<i32>(level_size(params.terrain.size, level)) - 1;
-    let middle = 0.5 * (f32(1u << level) - 1.0);
-    // whole cells and fraction apart: far from the origin a sum of both would lose the fraction
     let whole = vec2<i32>(floor(cells + params.terrain.eye_fraction));
     let fraction = cells + params.terrain.eye_fraction - vec2<f32>(whole);
-    let absolute = whole + params.terrain.eye_cell;
-    let node = (absolute - vec2(i32(middle))) >> vec2(level);
-    let inside = vec2<f32>(absolute - (node << vec2(level))) - middle;
-    let place = (inside + fraction) * scale;
-    let carry = vec2<i32>(floor(place));
-    let w = place - vec2<f32>(carry);
-    let low = node + carry;
-    let a = clamp(low, vec2(0), last);
-    let b = clamp(low + 1, vec2(0), last);
-    let nw = sample(level, a);
-    let ne = sample(level, vec2(b.x, a.y));
-    let sw = sample(level, vec2(a.x, b.y));
-    let se = sample(level, b);
+    let nodes = around(level, whole + params.terrain.eye_cell, fraction, 0.5 * (f32(1u << level) - 1.0), last);
+    let w = nodes.w;
+    let nw = sample(level, nodes.low);
+    let ne = sample(level, vec2(nodes.high.x, nodes.low.y));
+    let sw = sample(level, vec2(nodes.low.x, nodes.high.y));
+    let se = sample(level, nodes.high);
     if level == 0u && !BILINEAR {
         // the surface itself: two triangles, the diagonal from north-east to south-west
         let north_west = nw + (ne - nw) * w.x + (sw - nw) * w.y;
@@ -91,7 +71,7 @@ fn extent(at: vec2<u32>, here: vec2<f32>) -> f32 {
         vec2(at.x, min(at.y + 1u, last.y)),
     );
     for (var i = 0; i < 4; i++) {
-        let step = cells_from_world(params.terrain, ground(neighbours[i]) - here);
+        let step = cells_from_world(params.terrain, ground_of(neighbours[i]) - here);
         farthest = max(farthest, length(step));
     }
     return farthest;
@@ -102,7 +82,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.grid) {
         return;
     }
-    let here = ground(id.xy);
+    let here = ground_of(id.xy);
     // far outside the terrain the height of its border serves; the clamp keeps the integers in range
     let origin = vec2<f32>(params.terrain.eye_cell) + params.terrain.eye_fraction;
     let cells = clamp(cells_from_world(params.terrain, here), -origin, vec2<f32>(params.terrain.size - 1u) - origin);

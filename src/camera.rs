@@ -35,6 +35,11 @@ impl Camera {
         Self { eye_m, world_from_view, half_tan, viewport: scene.viewport }
     }
 
+    /// Pixels from the middle of the picture to where a ray at 45 degrees to the view direction leaves it.
+    pub fn focal_px(&self) -> f64 {
+        f64::from(self.viewport.1) / (2.0 * self.half_tan.y)
+    }
+
     pub fn forward(&self) -> DVec3 {
         self.world_from_view.z_axis
     }

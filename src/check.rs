@@ -5,13 +5,11 @@
 //! reference chain (*accumulated*: how much has the chain lost by then?).
 
 use std::fmt;
-use std::sync::Arc;
-
 use crate::experiment::Experiment;
 use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::gpu::{Executor, Gpu};
 use crate::kernel::Elem;
-use crate::plan::{Buffer, Chain, Demand, Plan, Storage};
+use crate::plan::{Buffer, BufferId, Chain, Demand, Often, Plan, Storage};
 use crate::reference::{self, Buffers, Difference, Frame, Values};
 use crate::run::{self, Prepared};
 
@@ -96,7 +94,11 @@ fn cases() -> Vec<(String, String)> {
             "Experiment(scene: (terrain: {terrain}, surface: {surface}, camera: {camera}, viewport: (67, 45)), chains: {{ \
              \"cast\": [HeightPyramid, RayCast, Shade], \
              \"grid\": [HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade], \
-             \"finer\": [HeightPyramid(max_level: 2), ViewGrid(size: (2, 5)), Project(filter: Bilinear), Rasterize] }})"
+             \"finer\": [HeightPyramid(max_level: 2), ViewGrid(size: (2, 5)), Project(filter: Bilinear), Rasterize], \
+             \"paper\": [HeightPyramid, ViewGrid(size: (23, 17)), AspectImportance(size: (9, 7)), Warp(rounds: 2, uniform_share: 0.1), \
+             Project, GridError(threshold_px: 0.5), Rasterize, Compact, RayFill], \
+             \"proven\": [HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp, \
+             Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact, RayFill] }})"
         )
     };
     let mut cases = Vec::new();
@@ -128,21 +130,20 @@ fn check_chain(gpu: &Gpu, prepared: &Prepared, case: &str) -> Result<Vec<Outcome
     executor.setup()?;
     let mut outcomes: Vec<Outcome> = Vec::new();
     for (number, camera) in prepared.data.cameras.iter().enumerate() {
-        executor.frame(number)?;
         let frame = Frame { data: &prepared.data, camera };
-        let mut on_gpu: Vec<(String, Arc<Values>)> = Vec::new();
-        for &id in &plan.outputs {
-            let buffer = plan.buffer(id);
-            on_gpu.push((buffer.name.clone(), Arc::new(read(&executor.read(id)?, buffer))));
-        }
-        let accumulated = reference::walk(&prepared.stages, &frame);
+        let mut accumulated = Buffers::of_scene(&prepared.data);
         let mut local = Buffers::of_scene(&prepared.data);
-        for (stage, call) in prepared.stages.iter().zip(&prepared.cell.stages) {
+        for (index, (stage, call)) in prepared.stages.iter().zip(&prepared.cell.stages).enumerate() {
+            stage.reference(&frame, &mut accumulated);
             stage.reference(&frame, &mut local);
-            for (name, values) in &on_gpu {
+            // read before a later stage makes a buffer of the same name, or changes this one in place
+            for id in run_stage(&executor, &plan, index, number)? {
+                let buffer = plan.buffer(id);
+                let name = &buffer.name;
                 if !crate::stages::writes(&call.name).contains(&name.as_str()) || !local.contains(name) {
                     continue;
                 }
+                let values = read(&executor.read(id)?, buffer);
                 let outcome = Outcome {
                     case: case.into(),
                     stage: call.name.clone(),
@@ -151,12 +152,29 @@ fn check_chain(gpu: &Gpu, prepared: &Prepared, case: &str) -> Result<Vec<Outcome
                     accumulated: reference::compare(&values.value, &accumulated.get(name), f64::is_nan),
                 };
                 // the next stage's reference gets what the GPU's kernel got
-                local.put(name, without_gaps(values, &local.get(name)));
+                local.put(name, without_gaps(&values, &local.get(name)));
                 merge(&mut outcomes, outcome);
             }
         }
     }
     Ok(outcomes)
+}
+
+/// Runs the steps of one stage for one frame; the buffers it wrote, now or once.
+fn run_stage(executor: &Executor, plan: &Plan, index: usize, frame: usize) -> Result<Vec<BufferId>, Diagnostic> {
+    let mut written = Vec::new();
+    for (at, step) in plan.steps.iter().enumerate().filter(|(_, step)| step.stage_index == index) {
+        if step.often == Often::EveryFrame {
+            executor.step(at, frame)?;
+        }
+        let new: Vec<BufferId> = step.writes.iter().filter(|id| !written.contains(*id)).copied().collect();
+        written.extend(new);
+    }
+    // of several with one name, the last is what the stage leaves
+    let is_last = |at: usize| written[at + 1..].iter().all(|&later| plan.buffer(later).name != plan.buffer(written[at]).name);
+    let left = (0..written.len()).filter(|&at| plan.buffer(written[at]).storage == Storage::Buffer && is_last(at));
+    let written: Vec<BufferId> = left.map(|at| written[at]).collect();
+    Ok(written)
 }
 
 /// GPU values, with nothing where the reference has a gap (a level that is not made): the memory there holds anything.

@@ -24,7 +24,7 @@ use crate::terrain::HeightField;
 pub use truth::Truth;
 
 /// Changes whenever a record would mean something else than before.
-const RECORD_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "/1");
+const RECORD_VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "/2");
 
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -155,6 +155,10 @@ fn measured(cell: &Cell, chain: &Chain) -> Result<Vec<String>, Diagnostic> {
     if cell.wants("Mesh") && chain.has("vertex") {
         chain.read_grid("vertex", Elem::Vec4F32)?;
         outputs.push("vertex".into());
+    }
+    if cell.wants("ErrorBuffer") {
+        let known = ["grid_error", "error"].into_iter().filter(|name| chain.has(name));
+        outputs.extend(known.map(str::to_string));
     }
     Ok(outputs)
 }

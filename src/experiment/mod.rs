@@ -63,6 +63,8 @@ pub enum Measure {
     Image {},
     /// Triangles, cracks, folded cells, largest cell.
     Mesh {},
+    /// What the method says of its own error: mean normalised error of a grid point, share of pixels over the threshold.
+    ErrorBuffer {},
     /// Share of pixels on which something was drawn.
     Coverage {},
     /// GPU time a kernel and a frame.
@@ -87,7 +89,7 @@ fn default_repeats() -> u32 {
 }
 
 impl Measure {
-    pub const NAMES: [&str; 5] = ["ScreenError", "Image", "Mesh", "Coverage", "Time"];
+    pub const NAMES: [&str; 6] = ["ScreenError", "Image", "Mesh", "ErrorBuffer", "Coverage", "Time"];
 }
 
 const FIELDS: [&str; 5] = ["title", "scene", "chains", "sweep", "measure"];

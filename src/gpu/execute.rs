@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::memory::{COLOUR, DEPTH, Place, make_buffer, make_buffers, upload};
+use super::memory::{DEPTH, Place, colour, make_buffer, make_buffers, upload};
 use super::{Gpu, GpuError};
 use crate::kernel::{BindingKind, Entry, Field, FieldKind, Kernel, Structure};
 use crate::plan::{BufferId, Often, Plan, SceneData, Step, Value, Work};
@@ -232,7 +232,7 @@ impl<'a> Executor<'a> {
                 staging
             }
             (Some(Place::Target { texture, .. }), None) => {
-                let row = (texture.width() * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+                let row = (texture.width() * buffer.elem.bytes() as u32).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
                 let staging = make_buffer(self.gpu, &buffer.name, u64::from(row) * u64::from(texture.height()), usage)?;
                 let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
                 encoder.copy_texture_to_buffer(
@@ -247,7 +247,7 @@ impl<'a> Executor<'a> {
         self.gpu.queue.submit([encoder.finish()]);
         let mut bytes = self.map(&staging)?;
         if let Some(Place::Target { texture, .. }) = &self.buffers[id.0] {
-            let row = (texture.width() * 4) as usize;
+            let row = texture.width() as usize * buffer.elem.bytes() as usize;
             let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
             bytes = bytes.chunks_exact(padded).flat_map(|padded| &padded[..row]).copied().collect();
         }
@@ -308,7 +308,7 @@ impl<'a> Executor<'a> {
             .map(|(name, value)| (name.as_str(), *value))
             .collect();
         let what = format!("the pipeline of `{}` ({})", step.label, step.kernel.name);
-        let pipeline = self.gpu.scoped(&what, || make_pipeline(self.gpu, step, module, &layout, &constants))?;
+        let pipeline = self.gpu.scoped(&what, || make_pipeline(self.gpu, self.plan, step, module, &layout, &constants))?;
         Ok(Prepared { pipeline, bind_group, params_stride: params.map(|(_, _, stride)| stride) })
     }
 
@@ -399,7 +399,7 @@ impl<'a> Executor<'a> {
                 };
                 Ok((ty, wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })))
             }
-            (BindingKind::Storage { written, .. }, place, _) => {
+            (BindingKind::Storage { elem, written, .. }, place, _) => {
                 let ty = wgpu::BindingType::Buffer {
                     ty: wgpu::BufferBindingType::Storage { read_only: !written },
                     has_dynamic_offset: false,
@@ -412,7 +412,7 @@ impl<'a> Executor<'a> {
                     .iter()
                     .find(|(variable, _)| variable == name)
                     .map_or(0, |(_, id)| self.plan.buffer(*id).bytes());
-                let size = std::num::NonZeroU64::new(bytes);
+                let size = std::num::NonZeroU64::new(bytes.next_multiple_of(elem.bytes()));
                 Ok((ty, wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size })))
             }
             (BindingKind::Image { float }, Some(place), _) => {
@@ -457,13 +457,14 @@ fn make_module(gpu: &Gpu, kernel: &Arc<Kernel>) -> wgpu::ShaderModule {
 
 fn make_pipeline(
     gpu: &Gpu,
+    plan: &Plan,
     step: &Step,
     module: &wgpu::ShaderModule,
     layout: &wgpu::PipelineLayout,
     constants: &[(&str, f64)],
 ) -> Pipeline {
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-    let Work::Draw { fragment, .. } = &step.work else {
+    let Work::Draw { fragment, target, .. } = &step.work else {
         return Pipeline::Compute(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(&step.label),
             layout: Some(layout),
@@ -482,7 +483,10 @@ fn make_pipeline(
             compilation_options: compilation_options.clone(),
             buffers: &[],
         },
-        primitive: wgpu::PrimitiveState::default(),
+        primitive: wgpu::PrimitiveState {
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            ..Default::default()
+        },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(true),
@@ -496,7 +500,7 @@ fn make_pipeline(
             module,
             entry_point: Some(fragment),
             compilation_options,
-            targets: &[Some(COLOUR.into())],
+            targets: &[Some(colour(plan.buffer(*target).elem).into())],
         }),
         multiview_mask: None,
         cache: None,

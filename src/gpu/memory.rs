@@ -1,9 +1,17 @@
 //! Memory: where the buffers and images of a plan live.
 
 use super::{Gpu, GpuError};
+use crate::kernel::Elem;
 use crate::plan::{BufferId, Plan, Storage};
 
-pub const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::R32Uint;
+/// The format of a render target with these elements.
+pub fn colour(elem: Elem) -> wgpu::TextureFormat {
+    match elem {
+        Elem::Vec2U32 => wgpu::TextureFormat::Rg32Uint,
+        _ => wgpu::TextureFormat::R32Uint,
+    }
+}
+
 pub const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// Where a buffer of the plan lives.
@@ -53,16 +61,17 @@ pub fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuErr
             let image = is_image.then(|| make_image(gpu, &buffer.name, buffer.dims[1], buffer.dims[0])).transpose()?;
             Ok(Some(Place::Input { array, image }))
         }
-        (_, Storage::Target, _) => make_target(gpu, &buffer.name, buffer.dims[1], buffer.dims[0]).map(Some),
+        (_, Storage::Target, _) => make_target(gpu, buffer).map(Some),
         (_, _, Some(slot)) => Ok(Some(Place::Buffer(slots[slot].clone()))),
         _ => make_buffer(gpu, &buffer.name, buffer.bytes(), usage).map(Place::Buffer).map(Some),
     };
     plan.buffers.iter().enumerate().map(place).collect()
 }
 
+/// (A multiple of 16 bytes: an array of scalars can be bound as one of four at once.)
 pub fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
     let descriptor =
-        wgpu::BufferDescriptor { label: Some(name), size: bytes.max(16), usage, mapped_at_creation: false };
+        wgpu::BufferDescriptor { label: Some(name), size: bytes.max(16).next_multiple_of(16), usage, mapped_at_creation: false };
     gpu.scoped(&format!("the buffer `{name}`"), || gpu.device.create_buffer(&descriptor))
 }
 
@@ -100,11 +109,12 @@ fn make_image(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<(wgpu::T
     })
 }
 
-fn make_target(gpu: &Gpu, name: &str, width: u32, height: u32) -> Result<Place, GpuError> {
+fn make_target(gpu: &Gpu, buffer: &crate::plan::Buffer) -> Result<Place, GpuError> {
     use wgpu::TextureUsages as Usage;
-    let texture = |format, usage| make_texture(gpu, name, (width, height), format, usage);
+    let (name, size) = (&buffer.name, (buffer.dims[1], buffer.dims[0]));
+    let texture = |format, usage| make_texture(gpu, name, size, format, usage);
     gpu.scoped(&format!("the render target `{name}`"), || {
-        let colour = texture(COLOUR, Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC);
+        let colour = texture(colour(buffer.elem), Usage::RENDER_ATTACHMENT | Usage::TEXTURE_BINDING | Usage::COPY_SRC);
         let depth = texture(DEPTH, Usage::RENDER_ATTACHMENT);
         Place::Target {
             view: colour.create_view(&Default::default()),

@@ -31,6 +31,11 @@ impl Elem {
         u64::from(self.components()) * 4
     }
 
+    /// Whether a buffer of these elements can be bound as an array of `bound`: the same, or four scalars at once.
+    pub fn binds_as(self, bound: Elem) -> bool {
+        self == bound || matches!((self, bound), (Elem::F32, Elem::Vec4F32) | (Elem::U32, Elem::Vec4U32))
+    }
+
     pub fn is_float(self) -> bool {
         matches!(self, Elem::F32 | Elem::Vec2F32 | Elem::Vec4F32)
     }

@@ -1,5 +1,6 @@
 //! What a picture and a mesh are worth: pure functions of buffers, no device.
 
+pub mod error_buffer;
 pub mod image;
 pub mod mesh;
 pub mod screen_error;

@@ -20,10 +20,26 @@ pub struct FrameError {
     pub silhouette_misses: usize,
     pub drawn: usize,
     pub true_hits: usize,
+    /// With a bound that the method promised: pixels that break it, and the largest error of any pixel, what it should have
+    /// shown included.
+    pub broken: Option<Broken>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Broken {
+    pub pixels: usize,
+    pub worst_px: f64,
 }
 
 /// `drawn_m` and `true_m` are distances along each pixel's ray in metres, negative where there is no surface.
-pub fn frame(terrain: &HeightField, surface: Surface, camera: &Camera, drawn_m: &[f32], true_m: &[f32]) -> FrameError {
+pub fn frame(
+    terrain: &HeightField,
+    surface: Surface,
+    camera: &Camera,
+    drawn_m: &[f32],
+    true_m: &[f32],
+    bound_px: Option<f64>,
+) -> FrameError {
     let width = camera.viewport.0 as usize;
     let diagonal_px = f64::from(camera.viewport.0).hypot(f64::from(camera.viewport.1));
     let pixel_error = |(at, &drawn): (usize, &f32)| {
@@ -40,11 +56,72 @@ pub fn frame(terrain: &HeightField, surface: Surface, camera: &Camera, drawn_m: 
     let error_px: Vec<f32> = drawn_m.par_iter().enumerate().map(pixel_error).collect();
     let count =
         |pick: fn(f32, f32) -> bool| drawn_m.iter().zip(true_m).filter(|(drawn, truth)| pick(**drawn, **truth)).count();
+    let broken = bound_px.map(|bound_px| {
+        let seen = Seen { terrain, surface, camera };
+        let pixel = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
+        let worst = |at: usize| {
+            let missed_px = seen.missed_px(pixel(at), drawn_m[at].into(), true_m[at].into());
+            // NaN where nothing was drawn is no error of what was
+            missed_px.max(f64::from(error_px[at]))
+        };
+        let errors: Vec<f64> = (0..drawn_m.len()).into_par_iter().map(worst).collect();
+        Broken {
+            pixels: errors.iter().filter(|&&error| error > bound_px).count(),
+            worst_px: errors.into_iter().fold(0.0, f64::max),
+        }
+    });
     FrameError {
+        broken,
         error_px,
         silhouette_misses: count(|drawn, truth| (drawn < 0.0) != (truth < 0.0)),
         drawn: count(|drawn, _| drawn >= 0.0),
         true_hits: count(|_, truth| truth >= 0.0),
+    }
+}
+
+/// What a picture should have shown.
+struct Seen<'a> {
+    terrain: &'a HeightField,
+    surface: Surface,
+    camera: &'a Camera,
+}
+
+impl Seen<'_> {
+    /// How far, in pixels, the true surface sticks out over a pixel's ray between where the ray meets it and where it met
+    /// what was drawn: the least error that the mesh must have there, since it lies under the ray. A pixel that shows what
+    /// is there, or something nearer, has missed nothing.
+    fn missed_px(&self, pixel: DVec2, drawn_m: f64, true_m: f64) -> f64 {
+        if true_m < 0.0 || drawn_m >= 0.0 && drawn_m <= true_m {
+            return 0.0;
+        }
+        let ray = self.camera.ray(pixel);
+        let eye_m = self.camera.eye_m;
+        let origin = self.terrain.sample_from_world(eye_m.truncate());
+        let direction = DVec2::new(ray.x, -ray.y) / self.terrain.cell_m;
+        let last = (self.terrain.size - 1).as_dvec2();
+        let leave = ((DVec2::ZERO - origin) / direction).max((last - origin) / direction);
+        let leave_m = leave.map(|t| if t.is_nan() { f64::INFINITY } else { t }).min_element();
+        let end_m = if drawn_m < 0.0 { leave_m } else { drawn_m.min(leave_m) };
+        if !end_m.is_finite() {
+            return 0.0;
+        }
+        let over_px = |t: f64| {
+            let point = eye_m + ray * t;
+            let over_m = self.terrain.surface_m(point.truncate(), self.surface) - point.z;
+            if over_m <= 0.0 {
+                return 0.0;
+            }
+            let top = point.truncate().extend(point.z + over_m);
+            self.camera.pixel(top).map_or(f64::INFINITY, |place| place.distance(pixel))
+        };
+        // surface minus ray bends only where the ray crosses columns, rows and diagonals (a patch bends between them, by less)
+        let lines = [(origin.x, direction.x), (origin.y, direction.y), (origin.x + origin.y, direction.x + direction.y)];
+        let crossings = lines.into_iter().flat_map(|(start, speed)| {
+            let (from, to) = (start + speed * true_m, start + speed * end_m);
+            let (low, high) = (from.min(to).ceil() as i64, from.max(to).floor() as i64);
+            (low..=high).map(move |line| (line as f64 - start) / speed).filter(move |t| (true_m..=end_m).contains(t))
+        });
+        crossings.chain([end_m]).map(over_px).fold(0.0, f64::max)
     }
 }
 
@@ -57,6 +134,7 @@ pub struct Summary {
     silhouette_misses: usize,
     drawn: usize,
     true_hits: usize,
+    broken: Option<Broken>,
 }
 
 impl Summary {
@@ -69,6 +147,11 @@ impl Summary {
         self.silhouette_misses += frame.silhouette_misses;
         self.drawn += frame.drawn;
         self.true_hits += frame.true_hits;
+        if let Some(frame) = frame.broken {
+            let broken = self.broken.get_or_insert_default();
+            broken.pixels += frame.pixels;
+            broken.worst_px = broken.worst_px.max(frame.worst_px);
+        }
     }
 
     pub fn measures(&self) -> Vec<Measured> {
@@ -84,6 +167,10 @@ impl Summary {
             Measured::new("drawn", share(self.drawn), "of pixels"),
             Measured::new("true_surface", share(self.true_hits), "of pixels"),
         ];
+        if let Some(broken) = self.broken {
+            measures.push(Measured::new("bound_violations", broken.pixels as f64, "pixels"));
+            measures.push(Measured::new("bound_worst", broken.worst_px, "px"));
+        }
         for percent in [50, 95, 99] {
             let value = errors.percentile(f64::from(percent) / 100.0);
             measures.push(Measured::new(&format!("error_p{percent}"), value, "px"));

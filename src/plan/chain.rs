@@ -75,6 +75,14 @@ impl SceneData {
     }
 }
 
+/// What a method says of its picture: nothing that the mesh shows, or fails to show, is further off than this.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Promise {
+    pub bound_px: f64,
+    /// The mesh is nowhere under the surface and its cells' errors are bounds; otherwise they are estimates.
+    pub proven: bool,
+}
+
 /// A chain while its stages are asked for their steps, in order.
 pub struct Chain<'a> {
     pub data: &'a SceneData,
@@ -82,6 +90,8 @@ pub struct Chain<'a> {
     buffers: Vec<Buffer>,
     steps: Vec<Step>,
     left_out: Vec<LeftOut>,
+    /// The latest promise and the vertices it is made for.
+    promise: Option<(Promise, BufferId)>,
     stage: String,
     stage_index: usize,
     origin: Origin,
@@ -111,6 +121,7 @@ impl<'a> Chain<'a> {
             buffers: vec![height],
             steps: Vec::new(),
             left_out: Vec::new(),
+            promise: None,
             stage: String::new(),
             stage_index: 0,
             origin: origin.clone(),
@@ -214,11 +225,22 @@ impl<'a> Chain<'a> {
         self.buffers[pyramid.0].top_level = Some(level);
     }
 
-    pub fn make_target(&mut self, name: &str, meaning: &str) -> BufferId {
+    /// A render target of one or two u32 a pixel, cleared to 0.
+    pub fn make_target(&mut self, name: &str, elem: Elem, meaning: &str) -> BufferId {
         let (width, height) = self.data.scene.viewport;
-        let id = self.make(name, Elem::U32, &[height, width], "", meaning);
+        let id = self.make(name, elem, &[height, width], "", meaning);
         self.buffers[id.0].storage = Storage::Target;
         id
+    }
+
+    /// Says how far off a picture of these vertices may be.
+    pub fn promise(&mut self, promise: Promise, vertices: BufferId) {
+        self.promise = Some((promise, vertices));
+    }
+
+    /// What was said of these vertices.
+    pub fn promise_of(&self, vertices: BufferId) -> Option<Promise> {
+        self.promise.filter(|(_, of)| *of == vertices).map(|(promise, _)| promise)
     }
 
     /// Something this stage found out it need not do.
@@ -237,6 +259,7 @@ impl<'a> Chain<'a> {
             entry: entry.into(),
             bindings: Vec::new(),
             optional: Vec::new(),
+            spare: Vec::new(),
             params: Vec::new(),
             constants: Vec::new(),
             work: Work::Groups([1; 3]),
@@ -271,6 +294,7 @@ impl<'a> Chain<'a> {
             slots: Vec::new(),
             outputs: Vec::new(),
             frames: self.data.cameras.len(),
+            promise: self.promise.map(|(promise, _)| promise),
         })
     }
 }
@@ -280,9 +304,25 @@ pub struct StepBuilder<'c, 'a> {
     step: Step,
 }
 
-impl StepBuilder<'_, '_> {
+impl<'a> StepBuilder<'_, 'a> {
+    pub fn data(&self) -> &'a SceneData {
+        self.chain.data
+    }
+
     pub fn bind(mut self, variable: &str, buffer: BufferId) -> Self {
         self.step.bindings.push((variable.into(), buffer));
+        self
+    }
+
+    /// Binds a buffer to one of two variables of different types, of which the kernel uses the right one by an `override`.
+    pub fn bind_either(self, floats: &str, numbers: &str, buffer: BufferId, is_numbers: bool) -> Self {
+        let (used, spare) = if is_numbers { (numbers, floats) } else { (floats, numbers) };
+        self.bind(used, buffer).leave_unbound(spare)
+    }
+
+    /// A variable that the kernel, with these constants and this entry point, never touches.
+    pub fn leave_unbound(mut self, variable: &str) -> Self {
+        self.step.spare.push(variable.into());
         self
     }
 
@@ -365,7 +405,8 @@ impl StepBuilder<'_, '_> {
         self.push()
     }
 
-    pub fn draw(mut self, vertices: u32, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
+    /// Draws one strip of triangles and keeps the nearest fragments.
+    pub fn draw_strip(mut self, vertices: u32, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
         self.step.work = Work::Draw { vertices, target, fragment: fragment.into() };
         self.step.writes.push(target);
         self.push()
@@ -385,6 +426,7 @@ impl StepBuilder<'_, '_> {
             match (&binding.kind, buffer) {
                 (BindingKind::Params(structure), _) => self.check_params(structure)?,
                 (BindingKind::Sampler, _) => {}
+                (_, None) if self.step.spare.contains(&binding.name) => {}
                 (_, None) => {
                     return Err(self.mistake(format!("`{}` is not bound to a buffer", binding.name), &binding.origin));
                 }
@@ -394,7 +436,7 @@ impl StepBuilder<'_, '_> {
                         let message = format!("`{}` is a render target; bind it as `texture_2d<u32>`", buffer.name);
                         return Err(self.mistake(message, &binding.origin));
                     }
-                    if buffer.elem != *elem {
+                    if !buffer.elem.binds_as(*elem) {
                         let message = format!(
                             "`{}` is an array of {elem:?}, but the buffer `{}` holds {:?}",
                             binding.name, buffer.name, buffer.elem

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{BindingKind, Elem, Kernel};
 
-pub use chain::{Chain, SceneData};
+pub use chain::{Chain, Promise, SceneData};
 pub use explain::{explain, megabytes};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -33,7 +33,7 @@ pub enum Storage {
     Input,
     /// A storage buffer that a step writes.
     Buffer,
-    /// A render target of one u32 a pixel, with a depth buffer.
+    /// A render target of one or two u32 a pixel, with a depth buffer.
     Target,
 }
 
@@ -98,7 +98,7 @@ pub enum Work {
     Groups([u32; 3]),
     /// Compute, with the number of workgroups in a buffer of three u32.
     Indirect(BufferId),
-    /// Triangles from `vertices` vertices that the vertex shader pulls from buffers.
+    /// A strip of triangles from `vertices` vertices that the vertex shader pulls from buffers.
     Draw { vertices: u32, target: BufferId, fragment: String },
 }
 
@@ -114,6 +114,8 @@ pub struct Step {
     pub bindings: Vec<(String, BufferId)>,
     /// Outputs that are only written if somebody wants them: variable, buffer, override constant.
     pub optional: Vec<(String, BufferId, String)>,
+    /// Variables that an `override` keeps the kernel from using: they need no buffer.
+    pub spare: Vec<String>,
     pub params: Vec<(String, Series)>,
     pub constants: Vec<(String, f64)>,
     pub work: Work,
@@ -162,6 +164,8 @@ pub struct Plan {
     /// What is read back, in the order it was asked for.
     pub outputs: Vec<BufferId>,
     pub frames: usize,
+    /// How far off the picture may be, by the method's own word.
+    pub promise: Option<Promise>,
 }
 
 /// What a plan is made for.

@@ -6,7 +6,7 @@ use crate::gpu::execute::SubmissionTime;
 use crate::gpu::{Executor, Gpu};
 use crate::measure::image::Picture;
 use crate::measure::screen_error::FrameError;
-use crate::measure::{Measured, image, mesh, screen_error, time};
+use crate::measure::{Measured, error_buffer, image, mesh, screen_error, time};
 use crate::plan::{Often, Plan, Storage};
 use crate::report::pictures;
 use crate::report::records::{KernelTime, Store, Timings};
@@ -82,6 +82,7 @@ struct Tally<'c, 'a> {
     context: &'c Context<'a>,
     errors: screen_error::Summary,
     mesh: mesh::Summary,
+    own: error_buffer::Summary,
     psnr_db: Vec<f64>,
     equal_pictures: bool,
     ssim: Vec<f64>,
@@ -94,6 +95,7 @@ impl<'c, 'a> Tally<'c, 'a> {
             context,
             errors: Default::default(),
             mesh: Default::default(),
+            own: Default::default(),
             psnr_db: Vec::new(),
             equal_pictures: false,
             ssim: Vec::new(),
@@ -117,6 +119,8 @@ impl<'c, 'a> Tally<'c, 'a> {
             match (buffer.name.as_str(), &truth) {
                 ("distance", Some(truth)) => self.distance(frame, &bytemuck::pod_collect_to_vec(&bytes), truth)?,
                 ("colour", Some(truth)) => self.colour(frame, &bytemuck::pod_collect_to_vec(&bytes), truth)?,
+                ("grid_error", _) => self.own.add_grid(&bytemuck::pod_collect_to_vec(&bytes)),
+                ("error", _) => self.own.add_pixels(&bytemuck::pod_collect_to_vec(&bytes)),
                 ("vertex", _) => self.vertices(frame, &bytemuck::pod_collect_to_vec(&bytes), buffer.dims[1] as usize),
                 _ => {}
             }
@@ -131,8 +135,9 @@ impl<'c, 'a> Tally<'c, 'a> {
     fn distance(&mut self, frame: usize, drawn_m: &[f32], truth: &TruthFrame) -> Result<(), Diagnostic> {
         let data = &self.context.prepared.data;
         let surface = data.scene.surface;
+        let bound_px = self.context.plan.promise.map(|promise| promise.bound_px);
         let error: FrameError =
-            screen_error::frame(&data.terrain, surface, &data.cameras[frame], drawn_m, &truth.distance_m);
+            screen_error::frame(&data.terrain, surface, &data.cameras[frame], drawn_m, &truth.distance_m, bound_px);
         self.errors.add(&error, self.context.prepared.cell.threshold_px());
         if self.is_pictured(frame) {
             let mixed_up: Vec<bool> =
@@ -189,6 +194,9 @@ impl<'c, 'a> Tally<'c, 'a> {
         }
         if cell.wants("Mesh") {
             measures.extend(self.mesh.measures());
+        }
+        if cell.wants("ErrorBuffer") {
+            measures.extend(self.own.measures());
         }
         let name = |at: usize| self.context.plan.buffer(self.context.plan.outputs[at]).name.clone();
         let hash = |hasher: &blake3::Hasher| hasher.finalize().to_hex().as_str()[..32].to_string();

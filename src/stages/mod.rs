@@ -1,21 +1,29 @@
 //! The stages and their registry. A stage is three touches: its kernel file, its Rust file here, its line in
 //! [`REGISTRY`]; everything else (validation, numeric tests, benches, `lodlab stages`) loops over the registry.
 
+mod aspect_importance;
+mod compact;
+mod grid_error;
 mod height_pyramid;
 mod kernel;
+mod lead_rays;
+mod plane_pyramid;
 mod project;
 mod projector;
 mod rasterize;
 mod ray_cast;
+mod ray_fill;
+mod scan;
 mod shade;
 mod view_grid;
+mod warp;
 
 use std::fmt::Debug;
 
 use crate::experiment::StageCall;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::tree::Node;
-use crate::plan::Chain;
+use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame};
 
 /// One step of a chain, with its parameters.
@@ -52,8 +60,23 @@ pub struct Info {
     pub read: Read,
 }
 
-pub const REGISTRY: &[Info] =
-    &[height_pyramid::INFO, view_grid::INFO, project::INFO, rasterize::INFO, ray_cast::INFO, shade::INFO, kernel::INFO];
+pub const REGISTRY: &[Info] = &[
+    height_pyramid::INFO,
+    plane_pyramid::INFO,
+    view_grid::INFO,
+    aspect_importance::INFO,
+    warp::INFO,
+    project::INFO,
+    grid_error::INFO,
+    rasterize::INFO,
+    ray_cast::INFO,
+    lead_rays::INFO,
+    ray_fill::INFO,
+    shade::INFO,
+    scan::INFO,
+    compact::INFO,
+    kernel::INFO,
+];
 
 pub use shade::RGBA8;
 
@@ -75,6 +98,13 @@ pub fn read(call: &StageCall, folder: &std::path::Path) -> Result<Box<dyn Stage>
 /// Reads a stage whose parameters are a plain structure.
 fn read_params<S: Stage + serde::de::DeserializeOwned + 'static>(node: &Node) -> Result<Box<dyn Stage>, Diagnostic> {
     Ok(Box::new(node.parse_fields::<S>()?))
+}
+
+/// Number of elements of a buffer that a kernel counts in u32.
+fn elements(chain: &Chain, buffer: BufferId) -> Result<u32, Diagnostic> {
+    let buffer = chain.buffer(buffer);
+    let too_many = |_| Diagnostic::input(format!("`{}` has more elements than u32 counts", buffer.name));
+    u32::try_from(buffer.elements()).map_err(too_many).map_err(|message| message.at(chain.origin(), "this stage"))
 }
 
 /// Largest relative rounding error of one f32 operation.

@@ -1,4 +1,4 @@
-use glam::{DVec2, DVec3, UVec2};
+use glam::{DVec2, UVec2};
 use serde::Deserialize;
 
 use super::height_pyramid::Layout;
@@ -73,9 +73,6 @@ impl Stage for Project {
         );
         let made = chain.buffer(mean).top_level.unwrap_or(layout.top);
         let kernel = Kernel::built_in("project.wgsl")?;
-        let projectors: Vec<Projector> =
-            chain.data.cameras.iter().map(|camera| Projector::new(chain.data, camera)).collect();
-        let vectors = |pick: fn(&Projector) -> DVec3| projectors.iter().map(move |p| pick(p).as_vec3().to_array());
         let bilinear = chain.data.scene.surface == Surface::Bilinear;
         chain
             .step("project", &kernel, "main")
@@ -87,12 +84,8 @@ impl Stage for Project {
             .constant("BILINEAR", f64::from(bilinear))
             .constant("BLEND", f64::from(self.filter == Filter::Trilinear))
             .set_terrain()
+            .set_projector()
             .set("grid", [columns, rows])
-            .set_series("projector_m", vectors(|projector| projector.eye_m))
-            .set_series("base_m", projectors.iter().map(|projector| projector.base_m as f32))
-            .set_series("corner", vectors(|projector| projector.corner))
-            .set_series("right", vectors(|projector| projector.right))
-            .set_series("down", vectors(|projector| projector.down))
             .set("stride", layout.stride)
             .set("tall", layout.tall)
             .set("max_level", self.top(made))
@@ -103,15 +96,10 @@ impl Stage for Project {
         let points = buffers.get("grid_point");
         let (rows, columns) = (points.dims[0], points.dims[1]);
         let projector = Projector::new(frame.data, frame.camera);
-        let reach = projector.corner.length() + projector.right.length() + projector.down.length();
         let ground = |column: u32, row: u32| {
             let at = 2 * (row * columns + column) as usize;
-            let (position_m, ray) = projector.ground_m(DVec2::new(points.value[at], points.value[at + 1]));
-            // u and v carry their own bounds; the ray is five roundings of terms as large as `reach`, which
-            // count most where its z is small, then a division and a product with the distance to the plane
-            let off = (12.0 * EPSILON + points.bound[at] + points.bound[at + 1]) * reach;
-            let stretch = off / (-ray.z).max(1e-300) * (1.0 + ray.truncate().length() / -ray.z);
-            (position_m, stretch * (projector.base_m - projector.eye_m.z).abs() + 8.0 * EPSILON * position_m.length())
+            let uv = DVec2::new(points.value[at], points.value[at + 1]);
+            projector.ground_off_m(uv, points.bound[at] + points.bound[at + 1])
         };
         let mut vertices = Values::missing(&[rows, columns], 4);
         for row in 0..rows {

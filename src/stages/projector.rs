@@ -8,7 +8,9 @@
 use glam::{DVec2, DVec3};
 
 use crate::camera::Camera;
+use super::EPSILON;
 use crate::plan::SceneData;
+use crate::plan::chain::StepBuilder;
 
 /// Ray of grid point (u, v): `corner + u right + v down`; all relative to the camera's eye, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +50,33 @@ impl Projector {
         let ray = self.corner + self.right * uv.x + self.down * uv.y;
         let s = (self.base_m - self.eye_m.z) / ray.z;
         ((self.eye_m + ray * s).truncate(), ray)
+    }
+}
+
+impl Projector {
+    /// Like [`Projector::ground_m`], with the bound of the position for a (u, v) that is off by `off_uv`. The ray is five
+    /// roundings of terms as large as `reach`, which count most where its z is small; then there are a division and a
+    /// product with the distance to the plane.
+    pub fn ground_off_m(&self, uv: DVec2, off_uv: f64) -> (DVec2, f64) {
+        let (position_m, ray) = self.ground_m(uv);
+        let reach = self.corner.length() + self.right.length() + self.down.length();
+        let off = (12.0 * EPSILON + off_uv) * reach;
+        let stretch = off / (-ray.z).max(1e-300) * (1.0 + ray.truncate().length() / -ray.z);
+        (position_m, stretch * (self.base_m - self.eye_m.z).abs() + 8.0 * EPSILON * position_m.length())
+    }
+}
+
+impl StepBuilder<'_, '_> {
+    /// The fields of `Projector` in `kernels/lib/projector.wgsl`.
+    pub(super) fn set_projector(self) -> Self {
+        let data = self.data();
+        let projectors: Vec<Projector> = data.cameras.iter().map(|camera| Projector::new(data, camera)).collect();
+        let vectors = |pick: fn(&Projector) -> DVec3| projectors.iter().map(move |p| pick(p).as_vec3().to_array());
+        self.set_series("projector.eye_m", vectors(|projector| projector.eye_m))
+            .set_series("projector.base_m", projectors.iter().map(|projector| projector.base_m as f32))
+            .set_series("projector.corner", vectors(|projector| projector.corner))
+            .set_series("projector.right", vectors(|projector| projector.right))
+            .set_series("projector.down", vectors(|projector| projector.down))
     }
 }
 
@@ -106,7 +135,12 @@ fn visible_ground(data: &SceneData, camera: &Camera) -> Vec<DVec2> {
         let high = position(tile.columns.1, tile.rows.0, tile.high_m);
         clipped_box(&planes, camera, (low, high))
     });
-    corners.map(DVec3::truncate).collect()
+    // a hundredth of a cell more, and more far away: what rounding may take from the grid's border
+    let around = |corner: DVec3| {
+        let more = 0.01 * terrain.cell_m.max_element() + 1e-5 * corner.length();
+        [(-more, -more), (more, -more), (-more, more), (more, more)].map(|offset| corner.truncate() + DVec2::from(offset))
+    };
+    corners.flat_map(around).collect()
 }
 
 /// Inward normals of the planes through the eye that bound the picture.

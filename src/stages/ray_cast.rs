@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use glam::{DVec2, UVec2};
 use rayon::prelude::*;
 use serde::Deserialize;
@@ -7,7 +9,8 @@ use super::{EPSILON, Info, Stage, read_params};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::Chain;
+use crate::plan::chain::StepBuilder;
+use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {
@@ -27,51 +30,95 @@ pub const INFO: Info = Info {
 pub struct RayCast {}
 
 /// Pixels a side of the tiles whose rays are led to the surface together; `TILE` of the kernel.
-const TILE: u32 = 8;
+pub(super) const TILE: u32 = 8;
 
-impl Stage for RayCast {
-    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+/// What the traversal of `kernels/lib/traverse.wgsl` needs.
+pub(super) struct Traversed {
+    pub height: BufferId,
+    pub highest: BufferId,
+    pub lowest: BufferId,
+}
+
+impl Traversed {
+    pub fn read(chain: &mut Chain) -> Result<Self, Diagnostic> {
         let layout = bounds_layout(chain.data.terrain.size);
         let height = chain.read("height")?;
         let highest = chain.read_as("height_max", Elem::F32, &layout.dims())?;
-        let underside = chain.data.sees_underside;
-        let lowest = if underside { chain.read_as("height_min", Elem::F32, &layout.dims())? } else { highest };
-        if !underside {
-            chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
+        if chain.data.sees_underside {
+            let lowest = chain.read_as("height_min", Elem::F32, &layout.dims())?;
+            return Ok(Self { height, highest, lowest });
         }
+        chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
+        Ok(Self { height, highest, lowest: highest })
+    }
+
+    /// A step with what every traversal is told.
+    pub fn step<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        label: &str,
+        kernel: &Arc<Kernel>,
+        entry: &str,
+    ) -> StepBuilder<'c, 'a> {
+        let layout = bounds_layout(chain.data.terrain.size);
+        let bilinear = chain.data.scene.surface == Surface::Bilinear;
+        let underside = chain.data.sees_underside;
+        chain
+            .step(label, kernel, entry)
+            .bind("height_max", self.highest)
+            .constant("BILINEAR", f64::from(bilinear))
+            .constant("UNDERSIDE", f64::from(underside))
+            .set_camera()
+            .set_terrain()
+            .set("stride", layout.stride)
+            .set("tall", layout.tall)
+            .set("top", layout.top)
+    }
+
+    fn tiles(chain: &Chain) -> UVec2 {
         let (width, tall) = chain.data.scene.viewport;
-        let tiles = UVec2::new(width.div_ceil(TILE), tall.div_ceil(TILE));
+        UVec2::new(width.div_ceil(TILE), tall.div_ceil(TILE))
+    }
+
+    /// What `LeadRays` has found out.
+    pub fn known_tiles(chain: &Chain) -> Result<BufferId, Diagnostic> {
+        let tiles = Self::tiles(chain);
+        chain.read_as("clear_until", Elem::F32, &[tiles.y, tiles.x])
+    }
+
+    /// For each tile of pixels, how far its rays can be led at once. A bundle that may start under the surface is not led past
+    /// anything; some buffer has to be bound all the same.
+    pub fn lead_tiles(&self, chain: &mut Chain) -> Result<BufferId, Diagnostic> {
+        if chain.data.sees_underside {
+            return Ok(self.highest);
+        }
+        if chain.has("clear_until") {
+            return Self::known_tiles(chain);
+        }
+        let tiles = Self::tiles(chain);
         let start =
             chain.make("clear_until", Elem::F32, &[tiles.y, tiles.x], "", "a t all rays of a tile reach without a hit");
+        let kernel = Kernel::built_in("ray_cast.wgsl")?;
+        let step = self.step(chain, "coarse", &kernel, "coarse");
+        step.bind("height_min", self.lowest).bind("clear_until", start).over(tiles)?;
+        Ok(start)
+    }
+}
+
+impl Stage for RayCast {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let terrain = Traversed::read(chain)?;
+        let start = terrain.lead_tiles(chain)?;
+        let (width, tall) = chain.data.scene.viewport;
         let distance = chain.make_distance();
         let kernel = Kernel::built_in("ray_cast.wgsl")?;
-        let bilinear = chain.data.scene.surface == Surface::Bilinear;
-        for (label, entry, size) in [("coarse", "coarse", tiles), ("cast", "main", UVec2::new(width, tall))] {
-            if entry == "coarse" && underside {
-                // a bundle that may start under the surface is not led past anything
-                continue;
-            }
-            let step = chain
-                .step(label, &kernel, entry)
-                .bind("height_max", highest)
-                .constant("BILINEAR", f64::from(bilinear))
-                .constant("UNDERSIDE", f64::from(underside))
-                .set_camera()
-                .set_terrain()
-                .set("stride", layout.stride)
-                .set("tall", layout.tall)
-                .set("top", layout.top);
-            let step = match entry {
-                "coarse" => step.bind("height_min", lowest).bind("clear_until", start),
-                _ => step
-                    .bind("height", height)
-                    .bind("height_min", lowest)
-                    .bind("start", if underside { highest } else { start })
-                    .bind("distance", distance),
-            };
-            step.over(size)?;
-        }
-        Ok(())
+        terrain
+            .step(chain, "cast", &kernel, "main")
+            .bind("height", terrain.height)
+            .bind("height_min", terrain.lowest)
+            .bind("start", start)
+            .bind("distance", distance)
+            .over(UVec2::new(width, tall))
     }
 
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
@@ -91,7 +138,7 @@ impl Stage for RayCast {
 
 /// Distance of the first hit and its bound. Every line at which the surface's formula changes (columns, rows,
 /// diagonals) is crossed one by one, so between two crossings the surface is one plane or one patch.
-fn first_hit(frame: &Frame, pixel: DVec2) -> (f64, f64) {
+pub(super) fn first_hit(frame: &Frame, pixel: DVec2) -> (f64, f64) {
     let terrain = &frame.data.terrain;
     let surface = frame.data.scene.surface;
     let eye_m = frame.camera.eye_m;

@@ -1,0 +1,215 @@
+// First hit of a ray with the full-resolution surface, by traversal of the maximum pyramid (Tevs, Ihrke, Seidel 2008) and a
+// sign test at cell borders that leaves no gap between cells.
+//
+// A kernel that includes this binds `height`, `height_max`, `height_min` and `nearest`, and has `terrain`, `stride`, `tall`
+// and `top` in its parameters. A ray's parameter t is its distance along the view direction.
+
+/// The surface in a cell is one bilinear patch instead of two triangles.
+override BILINEAR: bool = false;
+/// A ray may be under the surface (the eye is under it or outside the terrain): the minimum pyramid is needed.
+override UNDERSIDE: bool = false;
+
+const FAR: f32 = 3.0e38;
+/// Level a ray starts at: it starts close to the surface.
+const START_LEVEL: u32 = 2u;
+
+/// The ray in cell units horizontally and metres vertically, eye at the origin: position = direction * t.
+struct Ray {
+    direction: vec3<f32>,
+    inverse: vec2<f32>,
+    forward: vec2<bool>,
+}
+
+/// Ray minus surface at a sample-grid line, or anywhere on the border of a cell. Heights in metres.
+fn above(ray: Ray, t: f32, surface_m: f32) -> f32 {
+    return ray.direction.z * t - relative_height(params.terrain, surface_m);
+}
+
+/// `t` at which the ray crosses column or row `line`; FAR if it never does.
+fn crossing(inverse: f32, line: i32, eye_cell: i32, eye_fraction: f32) -> f32 {
+    let t = (f32(line - eye_cell) - eye_fraction) * inverse;
+    return select(t, FAR, abs(inverse) >= FAR);
+}
+
+/// Position of the ray inside `cell`, in [0, 1]^2 from its north-west corner.
+fn in_cell(ray: Ray, t: f32, cell: vec2<i32>) -> vec2<f32> {
+    let corner = vec2<f32>(cell - params.terrain.eye_cell) - params.terrain.eye_fraction;
+    return clamp(ray.direction.xy * t - corner, vec2(0.0), vec2(1.0));
+}
+
+/// Heights of a cell's corners: north-west, north-east, south-west, south-east.
+fn corners(cell: vec2<i32>) -> vec4<f32> {
+    // one gather at the point between the four
+    let middle = vec2<f32>(cell + 1) / vec2<f32>(params.terrain.size);
+    return textureGather(0, height, nearest, middle).wzxy;
+}
+
+/// The surface in a cell, both halves of it.
+fn surface_m(h: vec4<f32>, p: vec2<f32>) -> f32 {
+    if BILINEAR {
+        return mix(mix(h.x, h.y, p.x), mix(h.z, h.w, p.x), p.y);
+    }
+    let north_west = h.x + (h.y - h.x) * p.x + (h.z - h.x) * p.y;
+    let south_east = h.w + (h.z - h.w) * (1.0 - p.x) + (h.y - h.w) * (1.0 - p.y);
+    return select(south_east, north_west, p.x + p.y <= 1.0);
+}
+
+/// First t in [t0, t1] at which the sign of ray minus surface changes inside the cell, or FAR.
+/// `f0` is the value at t0; `side` is +1 above the surface and -1 under it.
+fn hit_in_cell(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
+    let h = corners(cell);
+    let p0 = in_cell(ray, t0, cell);
+    let p1 = in_cell(ray, t1, cell);
+    let f0 = side * above(ray, t0, surface_m(h, p0));
+    let f1 = side * above(ray, t1, surface_m(h, p1));
+    if f0 <= 0.0 {
+        return t0;
+    }
+    if BILINEAR {
+        return hit_in_patch(ray, h, p0, p1, t0, t1, f0, f1, side);
+    }
+    // the diagonal u + v = 1 cuts the way through the cell in two straight pieces
+    let s0 = p0.x + p0.y - 1.0;
+    let s1 = p1.x + p1.y - 1.0;
+    var tm = t1;
+    var fm = f1;
+    if s0 * s1 < 0.0 {
+        let share = s0 / (s0 - s1);
+        tm = t0 + (t1 - t0) * share;
+        let pm = clamp(p0 + (p1 - p0) * share, vec2(0.0), vec2(1.0));
+        fm = side * above(ray, tm, mix(h.z, h.y, pm.x));
+    }
+    if fm <= 0.0 {
+        return t0 + (tm - t0) * (f0 / (f0 - fm));
+    }
+    if f1 <= 0.0 {
+        return tm + (t1 - tm) * (fm / (fm - f1));
+    }
+    return FAR;
+}
+
+/// Along the ray, ray minus patch is a parabola through f0 and f1; its smallest root in [0, 1] is the hit.
+fn hit_in_patch(
+    ray: Ray, h: vec4<f32>, p0: vec2<f32>, p1: vec2<f32>, t0: f32, t1: f32, f0: f32, f1: f32, side: f32,
+) -> f32 {
+    let d = p1 - p0;
+    // f(s) = a s^2 + b s + f0
+    let a = -side * (h.x - h.y - h.z + h.w) * d.x * d.y;
+    let b = f1 - f0 - a;
+    let discriminant = b * b - 4.0 * a * f0;
+    if discriminant < 0.0 {
+        return select(FAR, t1, f1 <= 0.0);
+    }
+    // the form that does not cancel; with f0 > 0 a root in front of the ray has b < 0 or a < 0
+    let q = -0.5 * (b + select(-1.0, 1.0, b >= 0.0) * sqrt(discriminant));
+    let r0 = select(f0 / q, FAR, q == 0.0);
+    let r1 = select(q / a, FAR, a == 0.0);
+    var root = FAR;
+    if r0 >= 0.0 && r0 <= 1.0 {
+        root = r0;
+    }
+    if r1 >= 0.0 && r1 <= 1.0 {
+        root = min(root, r1);
+    }
+    if root <= 1.0 {
+        return t0 + (t1 - t0) * root;
+    }
+    return select(FAR, t1, f1 <= 0.0);
+}
+
+fn bound(level: u32, node: vec2<i32>, side: f32) -> f32 {
+    let index = pyramid_index(params.stride, params.tall, level, vec2<u32>(node));
+    if UNDERSIDE {
+        if side < 0.0 {
+            return height_min[index];
+        }
+    }
+    return height_max[index];
+}
+
+fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
+    let terrain = params.terrain;
+    var ray: Ray;
+    ray.direction = vec3(cells_from_world(terrain, direction_m.xy), direction_m.z);
+    ray.forward = ray.direction.xy >= vec2(0.0);
+    // below 1e-30 a ray never leaves its column or row on any terrain
+    let level_ray = abs(ray.direction.xy) < vec2(1e-30);
+    ray.inverse = select(1.0 / ray.direction.xy, vec2(FAR), level_ray);
+
+    // the part of the ray over the terrain
+    let last = vec2<i32>(terrain.size) - 1;
+    let nearest = select(last, vec2(0), ray.forward);
+    let farthest = select(vec2(0), last, ray.forward);
+    var t_in = clear;
+    var t_out = FAR;
+    for (var axis = 0; axis < 2; axis++) {
+        let eye_cell = terrain.eye_cell[axis];
+        let fraction = terrain.eye_fraction[axis];
+        if level_ray[axis] {
+            if eye_cell < 0 || eye_cell >= last[axis] {
+                return FAR;
+            }
+        } else {
+            t_in = max(t_in, crossing(ray.inverse[axis], nearest[axis], eye_cell, fraction));
+            t_out = min(t_out, crossing(ray.inverse[axis], farthest[axis], eye_cell, fraction));
+        }
+    }
+    if t_in > t_out {
+        return FAR;
+    }
+
+    let start = ray.direction.xy * t_in + terrain.eye_fraction;
+    var cell = clamp(terrain.eye_cell + vec2<i32>(floor(start)), vec2(0), last - 1);
+    var t = t_in;
+    var side = 1.0;
+    if UNDERSIDE {
+        let f = above(ray, t, surface_m(corners(cell), in_cell(ray, t, cell)));
+        side = select(-1.0, 1.0, f >= 0.0);
+    }
+    var level = min(START_LEVEL, params.top);
+    loop {
+        let node = cell >> vec2(level);
+        let far_line = min((node + select(vec2(0), vec2(1), ray.forward)) << vec2(level), last);
+        let tx = crossing(ray.inverse.x, far_line.x, terrain.eye_cell.x, terrain.eye_fraction.x);
+        let ty = crossing(ray.inverse.y, far_line.y, terrain.eye_cell.y, terrain.eye_fraction.y);
+        let t_exit = max(t, min(tx, ty));
+        if level == 0u {
+            // straight down, no line is ever crossed: the cell is left at the end of the world
+            let hit = hit_in_cell(ray, cell, t, min(t_exit, vertical_end(ray)), side);
+            if hit < FAR {
+                return hit;
+            }
+        } else {
+            let z = select(min(ray.direction.z * t, ray.direction.z * t_exit),
+                           max(ray.direction.z * t, ray.direction.z * t_exit), side < 0.0);
+            let clearance = side * (z - relative_height(terrain, bound(level, node, side)));
+            if clearance <= 0.0 || t_exit >= FAR {
+                level -= 1u;
+                continue;
+            }
+        }
+        // to the next node: across one line exactly, along it wherever the ray is, but never out of this node
+        if t_exit >= t_out {
+            return FAR;
+        }
+        let low = node << vec2(level);
+        let high = min(low + (vec2(1) << vec2(level)), last) - 1;
+        let at = terrain.eye_cell + vec2<i32>(floor(ray.direction.xy * t_exit + terrain.eye_fraction));
+        let along = clamp(at, low, high);
+        let across = select(far_line - 1, far_line, ray.forward);
+        cell = select(vec2(along.x, across.y), vec2(across.x, along.y), tx <= ty);
+        if any(cell < vec2(0)) || any(cell >= last) {
+            return FAR;
+        }
+        t = t_exit;
+        // up if the line that was crossed bounds the parent, too
+        let line = select(far_line.y, far_line.x, tx <= ty) >> level;
+        level += select(0u, 1u, (line & 1) == 0 && level < params.top);
+    }
+    return FAR;
+}
+
+/// A t beyond the lowest and highest point that a ray without horizontal direction can reach.
+fn vertical_end(ray: Ray) -> f32 {
+    return 1e10 / max(abs(ray.direction.z), 1e-30);
+}

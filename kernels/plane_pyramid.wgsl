@@ -1,0 +1,112 @@
+//!include lib/pyramid.wgsl
+// For each node of a pyramid over cells: a plane and the largest distance between it and the surface. Levels up to
+// EXACT_LEVELS are fitted to the samples themselves, the ones above to the planes below them.
+
+struct Params {
+    /// Columns and rows of samples.
+    size: vec2<u32>,
+    level: u32,
+    stride: u32,
+    tall: u32,
+    /// Largest height without its sign, for what rounding may add.
+    largest_m: f32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> height: array<f32>;
+/// Height in the node's middle, slope to the east and to the south in metres a cell, largest distance to the surface.
+@group(0) @binding(2) var<storage, read_write> height_plane: array<vec4<f32>>;
+
+fn sample(at: vec2<u32>) -> f32 {
+    return height[at.y * params.size.x + at.x];
+}
+
+/// Least squares over the samples of a node. The surface between samples is nowhere farther from a plane than at them.
+@compute @workgroup_size(8, 8)
+fn from_samples(@builtin(global_invocation_id) id: vec3<u32>) {
+    let cells = params.size - 1u;
+    if any(id.xy >= level_size(cells, params.level)) {
+        return;
+    }
+    let low = id.xy << vec2(params.level);
+    let high = min(low + (1u << params.level), cells);
+    let middle = vec2<f32>(low) + 0.5 * f32(1u << params.level);
+    let mean = 0.5 * vec2<f32>(low + high);
+    let first = sample(low);
+    // heights as differences from one of them: they keep their digits far above sea level
+    var sum = 0.0;
+    var products = vec2(0.0);
+    var squares = vec2(0.0);
+    var count = 0.0;
+    for (var y = low.y; y <= high.y; y++) {
+        for (var x = low.x; x <= high.x; x++) {
+            let offset = vec2(f32(x), f32(y)) - mean;
+            let h = sample(vec2(x, y)) - first;
+            sum += h;
+            products += h * offset;
+            squares += offset * offset;
+            count += 1.0;
+        }
+    }
+    let slope = products / squares;
+    let mean_m = sum / count;
+    var lowest = 3.0e38;
+    var highest = -3.0e38;
+    for (var y = low.y; y <= high.y; y++) {
+        for (var x = low.x; x <= high.x; x++) {
+            let off = sample(vec2(x, y)) - first - mean_m - dot(slope, vec2(f32(x), f32(y)) - mean);
+            lowest = min(lowest, off);
+            highest = max(highest, off);
+        }
+    }
+    store(id.xy, slope, first + mean_m + dot(slope, middle - mean), lowest, highest);
+}
+
+@compute @workgroup_size(8, 8)
+fn from_planes(@builtin(global_invocation_id) id: vec3<u32>) {
+    let cells = params.size - 1u;
+    if any(id.xy >= level_size(cells, params.level)) {
+        return;
+    }
+    let below = level_size(cells, params.level - 1u);
+    let side = f32(1u << (params.level - 1u));
+    let first = id.xy * 2u;
+    let last = min(first + 1u, below - 1u);
+    var sum = vec3(0.0);
+    var count = 0.0;
+    for (var y = first.y; y <= last.y; y++) {
+        for (var x = first.x; x <= last.x; x++) {
+            let plane = plane_of(vec2(x, y));
+            let offset = (vec2(f32(x), f32(y)) - vec2<f32>(first) - 0.5) * side;
+            sum += vec3(plane.yz, plane.x - dot(plane.yz, offset));
+            count += 1.0;
+        }
+    }
+    let slope = sum.xy / count;
+    let middle_m = sum.z / count;
+    var lowest = 3.0e38;
+    var highest = -3.0e38;
+    for (var y = first.y; y <= last.y; y++) {
+        for (var x = first.x; x <= last.x; x++) {
+            let plane = plane_of(vec2(x, y));
+            let offset = (vec2(f32(x), f32(y)) - vec2<f32>(first) - 0.5) * side;
+            let middle = plane.x - middle_m - dot(slope, offset);
+            let turn = abs(plane.yz - slope) * 0.5 * side;
+            lowest = min(lowest, middle - turn.x - turn.y - plane.w);
+            highest = max(highest, middle + turn.x + turn.y + plane.w);
+        }
+    }
+    store(id.xy, slope, middle_m, lowest, highest);
+}
+
+fn plane_of(node: vec2<u32>) -> vec4<f32> {
+    return height_plane[pyramid_index(params.stride, params.tall, params.level - 1u, node)];
+}
+
+/// The plane in the middle between lowest and highest, with room for a dozen roundings of its terms.
+fn store(node: vec2<u32>, slope: vec2<f32>, middle_m: f32, lowest: f32, highest: f32) {
+    let side = f32(1u << params.level);
+    let rounding = 1.0e-6 * (params.largest_m + (abs(slope.x) + abs(slope.y)) * side + highest - lowest);
+    let index = pyramid_index(params.stride, params.tall, params.level, node);
+    height_plane[index] = vec4(middle_m + 0.5 * (lowest + highest), slope, 0.5 * (highest - lowest) + rounding);
+}

@@ -1,0 +1,154 @@
+use glam::{DVec2, UVec2};
+use serde::Deserialize;
+
+use super::height_pyramid::{Layout, bounds_layout};
+use super::{EPSILON, Info, Stage, read_params};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::kernel::{Elem, Kernel};
+use crate::plan::Chain;
+use crate::reference::{Buffers, Frame, Values};
+
+pub const INFO: Info = Info {
+    name: "PlanePyramid",
+    summary: "for every node of a pyramid a plane and the largest distance between it and the surface",
+    formula: "|surface(x, y) - (c + g . (x, y))| <= r over 2^k x 2^k cells; g by least squares",
+    source: "ours; what the minimum and maximum pyramids of Loeffler et al. 2009 are to a level surface, this is to a sloping one",
+    reads: &["height"],
+    writes: &["height_plane"],
+    kernels: &["plane_pyramid.wgsl"],
+    params: &[],
+    read: |node, _| read_params::<PlanePyramid>(node),
+};
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PlanePyramid {}
+
+/// Levels whose planes are fitted to the samples and not to the level below.
+const EXACT_LEVELS: u32 = 3;
+
+impl Stage for PlanePyramid {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let size = chain.data.terrain.size;
+        let layout = bounds_layout(size);
+        let height = chain.read("height")?;
+        let meaning = "height in the middle, slope east and south a cell, largest distance of the surface";
+        let planes = chain.make("height_plane", Elem::Vec4F32, &layout.dims(), "m", meaning);
+        let (low, high) = chain.data.range_m;
+        let kernel = Kernel::built_in("plane_pyramid.wgsl")?;
+        for level in 1..=layout.top {
+            let entry = if level <= EXACT_LEVELS { "from_samples" } else { "from_planes" };
+            let step = chain.step(&format!("level {level}"), &kernel, entry);
+            let step = if level <= EXACT_LEVELS { step.bind("height", height) } else { step };
+            step.bind("height_plane", planes)
+                .set("size", size.to_array())
+                .set("level", level)
+                .set("stride", layout.stride)
+                .set("tall", layout.tall)
+                .set("largest_m", low.abs().max(high.abs()) as f32)
+                .over(layout.size(level))?;
+        }
+        Ok(())
+    }
+
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
+        let size = frame.data.terrain.size;
+        let layout = bounds_layout(size);
+        let height = buffers.get("height");
+        let largest_m = frame.data.range_m.0.abs().max(frame.data.range_m.1.abs());
+        let mut planes = Values::missing(&layout.dims(), 4);
+        for level in 1..=layout.top {
+            let nodes = layout.size(level);
+            for at in (0..nodes.y).flat_map(|y| (0..nodes.x).map(move |x| UVec2::new(x, y))) {
+                let node = match level <= EXACT_LEVELS {
+                    true => Node::of_samples(&height, size, level, at),
+                    false => Node::of_nodes(&planes, layout, level, at),
+                };
+                node.store(&mut planes, layout, level, at, largest_m);
+            }
+        }
+        buffers.put("height_plane", planes);
+    }
+}
+
+/// A plane and how far the surface is above and below it.
+struct Node {
+    middle_m: f64,
+    slope: DVec2,
+    lowest: f64,
+    highest: f64,
+    /// Largest bound of the nodes it was made of.
+    off_m: f64,
+}
+
+impl Node {
+    /// The plane through a set of samples (offset from the node's middle, height) with the least sum of squares.
+    fn of_samples(height: &Values, size: UVec2, level: u32, at: UVec2) -> Self {
+        let low = at << level;
+        let high = (low + (1 << level)).min(size - 1);
+        let middle = low.as_dvec2() + f64::from(1u32 << level) / 2.0;
+        let mut samples: Vec<(DVec2, f64)> = Vec::new();
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                let offset = DVec2::new(x.into(), y.into()) - middle;
+                samples.push((offset, height.value[(y * size.x + x) as usize]));
+            }
+        }
+        let count = samples.len() as f64;
+        let mean = samples.iter().map(|(offset, _)| *offset).sum::<DVec2>() / count;
+        let mean_m = samples.iter().map(|(_, height)| height).sum::<f64>() / count;
+        let products: DVec2 = samples.iter().map(|(offset, height)| (*offset - mean) * (height - mean_m)).sum();
+        let squares: DVec2 = samples.iter().map(|(offset, _)| (*offset - mean) * (*offset - mean)).sum();
+        let slope = products / squares;
+        let middle_m = mean_m - slope.dot(mean);
+        let off = samples.iter().map(|(offset, height)| height - middle_m - slope.dot(*offset));
+        let (lowest, highest) = off.fold((f64::MAX, f64::MIN), |(low, high), off| (low.min(off), high.max(off)));
+        Self { middle_m, slope, lowest, highest, off_m: 0.0 }
+    }
+
+    /// The mean of the planes below, and what bounds all of them at their corners.
+    fn of_nodes(planes: &Values, layout: Layout, level: u32, at: UVec2) -> Self {
+        let below = layout.size(level - 1);
+        let side = f64::from(1u32 << (level - 1));
+        let inside = |child: &UVec2| child.cmplt(below).all();
+        let children = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| UVec2::new(x, y));
+        let known: Vec<(DVec2, f64, DVec2, f64, f64)> = children
+            .into_iter()
+            .filter(|child| inside(&(at * 2 + *child)))
+            .map(|child| {
+                let index = 4 * layout.index(level - 1, at.x * 2 + child.x, at.y * 2 + child.y);
+                let v = &planes.value[index..index + 4];
+                let offset = (child.as_dvec2() - 0.5) * side;
+                (offset, v[0], DVec2::new(v[1], v[2]), v[3], planes.bound[index] + planes.bound[index + 3])
+            })
+            .collect();
+        let count = known.len() as f64;
+        let slope = known.iter().map(|(_, _, slope, _, _)| *slope).sum::<DVec2>() / count;
+        let middle_m = known.iter().map(|(offset, m, slope, _, _)| m - slope.dot(*offset)).sum::<f64>() / count;
+        let (mut lowest, mut highest) = (f64::MAX, f64::MIN);
+        for (offset, m, own, r, _) in &known {
+            for corner in [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)].map(DVec2::from) {
+                let place = *offset + corner * side;
+                let off = m + own.dot(corner * side) - middle_m - slope.dot(place);
+                lowest = lowest.min(off - r);
+                highest = highest.max(off + r);
+            }
+        }
+        let off_m = known.iter().map(|known| known.4).fold(0.0, f64::max);
+        Self { middle_m, slope, lowest, highest, off_m }
+    }
+
+    fn store(&self, planes: &mut Values, layout: Layout, level: u32, at: UVec2, largest_m: f64) {
+        let side = f64::from(1u32 << level);
+        let index = 4 * layout.index(level, at.x, at.y);
+        let terms = largest_m + (self.slope.x.abs() + self.slope.y.abs()) * side + self.highest - self.lowest;
+        // the sums of a node have up to 81 terms, added one by one; the kernel adds 1e-6 of the terms to the radius
+        let samples = if level <= EXACT_LEVELS { (f64::from((1u32 << level) + 1)).powi(2) } else { 8.0 };
+        let bound = 2.0 * samples * EPSILON * terms + 3.0 * self.off_m;
+        let middle = self.middle_m + 0.5 * (self.lowest + self.highest);
+        planes.set(index, middle, bound);
+        planes.set(index + 1, self.slope.x, 4.0 * bound / side);
+        planes.set(index + 2, self.slope.y, 4.0 * bound / side);
+        planes.set(index + 3, 0.5 * (self.highest - self.lowest), bound + 1e-6 * terms);
+    }
+}
