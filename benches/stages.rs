@@ -13,8 +13,16 @@ const SCENE: &str = "scene: (terrain: Noise(kind: Ridged, seed: 4, size: (1025, 
      camera: Still(eye: (15000, -200, 2600), look_at: (15000, 20000, 300), clearance_m: 200), viewport: (1024, 768))";
 
 /// Chains that between them have every stage of the registry.
-const CHAINS: [(&str, &str); 3] = [
+const CHAINS: [(&str, &str); 5] = [
     ("grid", "[HeightPyramid, ViewGrid(size: (512, 384)), Project, Rasterize, Shade]"),
+    (
+        "warped, filled",
+        "[HeightPyramid, ViewGrid(size: (512, 384)), AspectImportance, Warp, Project, GridError, Rasterize, Compact, RayFill, Scan(of: \"pixels\")]",
+    ),
+    (
+        "proven",
+        "[HeightPyramid, PlanePyramid, ViewGrid(size: (96, 72)), Project(filter: Finest), GridError(rule: Proven), LeadRays, Rasterize, Compact, RayFill]",
+    ),
     ("ray cast", "[HeightPyramid, RayCast, Shade]"),
     (
         "kernel",

@@ -1,91 +1,87 @@
-//!include lib/sum_before.wgsl
-// Exclusive prefix sums by reduce-then-scan: a sum for each tile, the sums before each tile, then the tiles themselves. No
-// workgroup waits for another (Merrill, Garland 2016, describe the family; their single pass has to spin, which not every
-// adapter survives).
+// Exclusive prefix sums by reduce-then-scan. A thread takes a run of elements: first all runs are summed, then the sums before
+// each run are found the same way, a level up, and then each run is summed again from there. Nobody waits for anybody: there
+// is no barrier, and no spinning on what another workgroup may not have done (Merrill, Garland 2016, compare the family).
 
 struct Params {
-    /// Elements, and tiles of TILE of them.
     length: u32,
-    tiles: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> source: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read_write> tile_sum: array<u32>;
-/// The sum of all tiles before each tile.
-@group(0) @binding(3) var<storage, read> tile_start: array<u32>;
+@group(0) @binding(2) var<storage, read_write> run_sum: array<u32>;
+/// The sum of all runs before each run.
+@group(0) @binding(3) var<storage, read> run_start: array<u32>;
 @group(0) @binding(4) var<storage, read_write> sums: array<vec4<u32>>;
 /// The sum of everything.
 @group(0) @binding(5) var<storage, read_write> total: array<u32>;
-@group(0) @binding(6) var<storage, read> summed: array<u32>;
-@group(0) @binding(7) var<storage, read_write> before: array<u32>;
 
-/// Vectors of four a thread takes; they stand next to each other.
-const RUN: u32 = 8u;
+/// The last run is shorter than the others.
+override HAS_TAIL: bool = true;
+/// There is one run only.
+override IS_TOP: bool = false;
+
+/// Elements of a run, and vectors of four.
+const RUN: u32 = 32u;
+const VECTORS: u32 = 8u;
 
 /// Vector `at` of the source with nothing beyond its end.
 fn load(at: u32) -> vec4<u32> {
-    let left = params.length - min(4u * at, params.length);
-    if left >= 4u {
+    if !HAS_TAIL {
         return source[at];
     }
-    if left == 0u {
-        return vec4(0u);
-    }
-    return source[at] * vec4<u32>(vec4(0u, 1u, 2u, 3u) < vec4(left));
+    let value = source[min(at, (params.length - 1u) / 4u)];
+    return select(vec4(0u), value, vec4(4u * at) + vec4(0u, 1u, 2u, 3u) < vec4(params.length));
+}
+
+fn run_of(id: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return id.y * groups.x * 64u + id.x;
 }
 
 @compute @workgroup_size(64)
-fn reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let first = (group.x * THREADS + thread) * RUN;
-    var sum = vec4(0u);
-    for (var i = 0u; i < RUN; i++) {
-        sum += load(first + i);
+fn sum_runs(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let run = run_of(id, groups);
+    if run * RUN >= params.length {
+        return;
     }
-    let own = sum.x + sum.y + sum.z + sum.w;
-    let all = sum_before(thread, own) + own;
-    if thread == THREADS - 1u {
-        tile_sum[group.x] = all;
-    }
+    let first = run * VECTORS;
+    let a = (load(first) + load(first + 1u)) + (load(first + 2u) + load(first + 3u));
+    let b = (load(first + 4u) + load(first + 5u)) + (load(first + 6u) + load(first + 7u));
+    let c = a + b;
+    run_sum[run] = (c.x + c.y) + (c.z + c.w);
 }
 
-/// One workgroup: the sums before each tile, and the total.
+/// Writes the sums before a vector's elements, and adds the vector to the sum.
+fn put(at: u32, sum: u32) -> u32 {
+    let value = load(at);
+    let inner = vec4(0u, value.x, value.x + value.y, value.x + value.y + value.z);
+    if !HAS_TAIL {
+        sums[at] = inner + sum;
+    } else if 4u * at < params.length {
+        sums[at] = inner + sum;
+    }
+    return sum + inner.w + value.w;
+}
+
 @compute @workgroup_size(64)
-fn scan_tiles(@builtin(local_invocation_index) thread: u32) {
-    let run = (params.tiles + THREADS - 1u) / THREADS;
-    let first = min(thread * run, params.tiles);
-    let end = min(first + run, params.tiles);
-    var own = 0u;
-    for (var i = first; i < end; i++) {
-        own += summed[i];
+fn scan_runs(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+    let run = run_of(id, groups);
+    if run * RUN >= params.length {
+        return;
     }
-    var sum = sum_before(thread, own);
-    for (var i = first; i < end; i++) {
-        before[i] = sum;
-        sum += summed[i];
+    let first = run * VECTORS;
+    var sum = 0u;
+    if !IS_TOP {
+        sum = run_start[run];
     }
-    if thread == THREADS - 1u {
+    sum = put(first, sum);
+    sum = put(first + 1u, sum);
+    sum = put(first + 2u, sum);
+    sum = put(first + 3u, sum);
+    sum = put(first + 4u, sum);
+    sum = put(first + 5u, sum);
+    sum = put(first + 6u, sum);
+    sum = put(first + 7u, sum);
+    if IS_TOP {
         total[0] = sum;
-    }
-}
-
-@compute @workgroup_size(64)
-fn scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let first = (group.x * THREADS + thread) * RUN;
-    var values: array<vec4<u32>, 8>;
-    var own = 0u;
-    for (var i = 0u; i < RUN; i++) {
-        let value = load(first + i);
-        values[i] = value;
-        own += value.x + value.y + value.z + value.w;
-    }
-    var sum = tile_start[group.x] + sum_before(thread, own);
-    for (var i = 0u; i < RUN; i++) {
-        let value = values[i];
-        let inner = vec4(0u, value.x, value.x + value.y, value.x + value.y + value.z);
-        if 4u * (first + i) < params.length {
-            sums[first + i] = inner + sum;
-        }
-        sum += inner.w + value.w;
     }
 }

@@ -1,11 +1,12 @@
 use glam::UVec2;
 use serde::Deserialize;
 
-use super::scan::TILE;
+use super::scan::{RUN, over_runs, scan};
 use super::{Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
+use crate::plan::chain::StepBuilder;
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {
@@ -55,6 +56,27 @@ impl Compact {
     }
 }
 
+impl Compact {
+    fn step<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        entry: &str,
+        numbers: bool,
+        length: u32,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let kernel = Kernel::built_in("compact.wgsl")?;
+        Ok(chain
+            .step(entry, &kernel, entry)
+            .constant("NUMBERS", f64::from(numbers))
+            .constant("HAS_TAIL", f64::from(!length.is_multiple_of(RUN)))
+            .set("length", length)
+            .set("above", self.above as f32)
+            .set("above_number", self.above_number())
+            .set("visitors", VISITORS)
+            .set("most_groups", MOST_GROUPS))
+    }
+}
+
 impl Stage for Compact {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let source = chain.read(&self.of)?;
@@ -68,40 +90,25 @@ impl Stage for Compact {
             return Err(Diagnostic::input(message).at(chain.origin(), "this stage"));
         }
         let length = super::elements(chain, source)?;
-        let tiles = length.div_ceil(TILE);
+        let words = length.div_ceil(RUN);
         let list = chain.make(&self.to, Elem::U32, &[length], "", "numbers of the elements listed, in order");
         let count_name = format!("{}_count", self.to);
         let count = chain.make(&count_name, Elem::U32, &[4], "", "workgroups along x, y, z; length of the list");
-        let tile_count = chain.make(&format!("{}_tiles", self.to), Elem::U32, &[tiles], "", "listed in each tile");
-        let tile_start =
-            chain.make(&format!("{}_tile_starts", self.to), Elem::U32, &[tiles], "", "listed before each tile");
-        let kernel = Kernel::built_in("compact.wgsl")?;
-        for entry in ["reduce", "scan_tiles", "scatter"] {
-            let step = chain
-                .step(entry, &kernel, entry)
-                .constant("NUMBERS", f64::from(numbers))
-                .set("length", length)
-                .set("tiles", tiles)
-                .set("above", self.above as f32)
-                .set("above_number", self.above_number())
-                .set("visitors", VISITORS)
-                .set("most_groups", MOST_GROUPS);
-            if entry == "scan_tiles" {
-                step.bind("counted", tile_count)
-                    .bind("before", tile_start)
-                    .bind("count", count)
-                    .over(UVec2::new(VISITORS, 1))?;
-                continue;
-            }
-            // of the two the kernel reads the one that has the right type
-            let step = step.bind_either("values", "numbers", source, numbers);
-            let step = match entry {
-                "reduce" => step.bind("tile_count", tile_count),
-                _ => step.bind("tile_start", tile_start).bind("list", list),
-            };
-            step.over(UVec2::new(64 * tiles, 1))?;
-        }
-        Ok(())
+        let mut make = |what: &str, length: u32, meaning: &str| {
+            chain.make(&format!("{}_{what}", self.to), Elem::U32, &[length], "", meaning)
+        };
+        let masks = make("masks", words, "a bit for each element: is it listed");
+        let counts = make("counts", words, "bits set in each mask");
+        let starts = make("before", words, "bits set in all masks before");
+        let total = make("total", 1, "bits set");
+        let step = self.step(chain, "look", numbers, length)?;
+        let step = step.bind_either("values", "numbers", source, numbers);
+        over_runs(step.bind("masks_out", masks).bind("counts", counts), words)?;
+        scan(chain, &self.to, counts, starts, total)?;
+        let step = self.step(chain, "plan_visit", numbers, length)?;
+        step.bind("total", total).bind("count", count).over(UVec2::ONE)?;
+        let step = self.step(chain, "scatter", numbers, length)?;
+        over_runs(step.bind("masks", masks).bind("starts", starts).bind("list", list), words)
     }
 
     fn makes(&self) -> Vec<String> {

@@ -4,7 +4,8 @@ use serde::Deserialize;
 use super::{Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::Chain;
+use crate::plan::chain::StepBuilder;
+use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {
@@ -32,34 +33,59 @@ impl Default for Scan {
     }
 }
 
-/// Elements of a tile: what one workgroup of `scan.wgsl` and `compact.wgsl` takes.
-pub(super) const TILE: u32 = 64 * 8 * 4;
+/// Elements that a thread takes; `RUN` of the kernel, and the bits of a word of `compact.wgsl`.
+pub(super) const RUN: u32 = 32;
+
+/// Threads as workgroups of 64, in a rectangle that a dispatch can have: a row has as many workgroups as are allowed.
+pub(super) fn over_runs(step: StepBuilder, runs: u32) -> Result<(), Diagnostic> {
+    const MOST_WIDE: u32 = 64 * 32768;
+    step.over(UVec2::new(runs.min(MOST_WIDE), runs.div_ceil(MOST_WIDE)))
+}
+
+/// The steps that put the prefix sums of `source` into `sums` and its sum into `total`.
+pub(super) fn scan(
+    chain: &mut Chain,
+    name: &str,
+    source: BufferId,
+    sums: BufferId,
+    total: BufferId,
+) -> Result<(), Diagnostic> {
+    let length = super::elements(chain, source)?;
+    let runs = length.div_ceil(RUN);
+    let kernel = Kernel::built_in("scan.wgsl")?;
+    let has_tail = f64::from(!length.is_multiple_of(RUN));
+    let is_top = runs == 1;
+    let mut starts = None;
+    if !is_top {
+        let run_sums = chain.make(&format!("{name}_runs"), Elem::U32, &[runs], "", "sum of each run of elements");
+        let run_starts = chain.make(&format!("{name}_starts"), Elem::U32, &[runs], "", "sum before each run");
+        let step = chain.step(&format!("sum {length}"), &kernel, "sum_runs").constant("HAS_TAIL", has_tail);
+        over_runs(step.bind("source", source).bind("run_sum", run_sums).set("length", length), runs)?;
+        scan(chain, name, run_sums, run_starts, total)?;
+        starts = Some(run_starts);
+    }
+    let step = chain
+        .step(&format!("scan {length}"), &kernel, "scan_runs")
+        .constant("HAS_TAIL", has_tail)
+        .constant("IS_TOP", f64::from(is_top))
+        .bind("source", source)
+        .bind("sums", sums)
+        .set("length", length);
+    let step = match starts {
+        Some(starts) => step.bind("run_start", starts).leave_unbound("total"),
+        None => step.leave_unbound("run_start").bind("total", total),
+    };
+    over_runs(step, runs)
+}
 
 impl Stage for Scan {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let source = chain.read(&self.of)?;
         let dims = chain.buffer(source).dims.clone();
         let source = chain.read_as(&self.of, Elem::U32, &dims)?;
-        let length = super::elements(chain, source)?;
-        let tiles = length.div_ceil(TILE);
         let sums = chain.make(&self.to, Elem::U32, &dims, "", "sum of all elements before");
         let total = chain.make(&format!("{}_total", self.to), Elem::U32, &[1], "", "sum of all elements");
-        let tile_sum = chain.make(&format!("{}_tiles", self.to), Elem::U32, &[tiles], "", "sum of each tile");
-        let tile_start =
-            chain.make(&format!("{}_tile_starts", self.to), Elem::U32, &[tiles], "", "sum before each tile");
-        let kernel = Kernel::built_in("scan.wgsl")?;
-        for entry in ["reduce", "scan_tiles", "scan"] {
-            let step = chain.step(entry, &kernel, entry).set("length", length).set("tiles", tiles);
-            let (step, threads) = match entry {
-                "reduce" => (step.bind("source", source).bind("tile_sum", tile_sum), 64 * tiles),
-                "scan_tiles" => {
-                    (step.bind("summed", tile_sum).bind("before", tile_start).bind("total", total), 64)
-                }
-                _ => (step.bind("source", source).bind("tile_start", tile_start).bind("sums", sums), 64 * tiles),
-            };
-            step.over(UVec2::new(threads, 1))?;
-        }
-        Ok(())
+        scan(chain, &self.to, source, sums, total)
     }
 
     fn makes(&self) -> Vec<String> {

@@ -46,3 +46,35 @@ pub fn measure(record: &serde_json::Value, name: &str) -> Option<f64> {
     let measures = record["measures"].as_array()?;
     measures.iter().find(|measure| measure["name"] == name)?["value"].as_f64()
 }
+
+/// A chain that ran once, with all its buffers as they are after the first frame.
+pub struct Ran {
+    buffers: std::collections::BTreeMap<String, Vec<u8>>,
+}
+
+impl Ran {
+    /// Runs the chain in a folder that has the tests' kernels; `scene` is what stands between `scene: (` and `)`.
+    pub fn chain(gpu: &lodlab::gpu::Gpu, scene: &str, chain: &str) -> Self {
+        use lodlab::experiment::{Experiment, diagnostic::Source};
+        let text = format!("Experiment(scene: ({scene}), chains: {{\"test\": {chain}}}, measure: [Time])");
+        let folder = Path::new(ROOT).join("tests/kernels_of_tests");
+        let experiment = Experiment::read(Source::new("test", text), folder).unwrap_or_else(|error| panic!("{error}"));
+        let prepared = lodlab::run::prepare(&experiment, &[]).unwrap_or_else(|error| panic!("{error}")).remove(0);
+        let options = lodlab::run::Options { keep_everything: true, ..Default::default() };
+        let plan = lodlab::run::plan(&prepared, &options).unwrap_or_else(|error| panic!("{error}"));
+        let executor = lodlab::gpu::Executor::new(gpu, &plan, &prepared.data).unwrap();
+        executor.setup().unwrap();
+        executor.frame(0).unwrap();
+        let names = plan.buffers.iter().map(|buffer| buffer.name.clone());
+        let read = |name: String| {
+            let id = plan.find(&name).unwrap();
+            (name, executor.read(id).unwrap())
+        };
+        Self { buffers: names.map(read).collect() }
+    }
+
+    /// The last buffer of that name.
+    pub fn read<T: bytemuck::Pod>(&self, name: &str) -> Vec<T> {
+        bytemuck::pod_collect_to_vec(&self.buffers[name])
+    }
+}

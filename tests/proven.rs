@@ -1,0 +1,97 @@
+//! `rule: Proven` is a guarantee: no pixel is off by more than it says, on any terrain and from anywhere.
+
+mod common;
+
+use common::{measure, records, run, shared_dem, succeeded};
+
+const SHAPES: [(&str, &str); 5] = [
+    ("spike", "Shape(kind: Spike, size: (129, 129), cell_m: 10, height_m: (0, 500))"),
+    ("cliff", "Shape(kind: Cliff, size: (129, 129), cell_m: 10, height_m: (0, 400))"),
+    ("checkerboard", "Shape(kind: Checkerboard, size: (129, 129), cell_m: 10, height_m: (0, 100), period_cells: 8)"),
+    ("ridges", "Noise(kind: Ridged, seed: 5, size: (129, 129), cell_m: 10, height_m: (0, 500), wavelength_m: 600)"),
+    ("flat", "Shape(kind: Flat, size: (129, 129), cell_m: 10, height_m: (40, 40))"),
+];
+
+const VIEWS: [(&str, &str); 7] = [
+    ("orbit", "Orbit(frames: 4, center: (640, 640, 100), radius_m: 500, height_m: 400, clearance_m: 20)"),
+    ("near the ground", "Still(eye: (300, 300, 0), yaw_deg: 40, pitch_deg: -2, clearance_m: 1.5)"),
+    ("horizon", "Still(eye: (640, 20, 600), yaw_deg: 0, pitch_deg: 0, clearance_m: 20)"),
+    ("straight down", "Still(eye: (640, 640, 900), pitch_deg: -90)"),
+    ("behind a ridge", "Still(eye: (520, 300, 0), yaw_deg: 10, pitch_deg: 8, clearance_m: 5)"),
+    ("rolled", "Still(eye: (300, 900, 700), look_at: (700, 600, 0), roll_deg: 50, clearance_m: 20)"),
+    ("from outside", "Still(eye: (-300, -200, 500), look_at: (640, 640, 50))"),
+];
+
+/// Runs a Proven chain over scenes, grids and thresholds, and asserts that no pixel breaks its bound.
+fn holds(name: &str, terrain: &str, camera: &str, viewport: &str, surface: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let proven = "GridError(rule: Proven), LeadRays, Rasterize, Compact, RayFill";
+    let text = format!(
+        "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: {viewport}, surface: {surface}), chains: {{ \
+         \"uniform\": [HeightPyramid, PlanePyramid, ViewGrid, Project(filter: Finest), {proven}], \
+         \"warped\": [HeightPyramid, PlanePyramid, ViewGrid, AspectImportance(size: (16, 16)), Warp, Project, {proven}] }}, \
+         sweep: {{\"*.ViewGrid.size\": [(16, 12), (64, 48)], \"*.GridError.threshold_px\": [0.5, 1, 2]}}, measure: [ScreenError])"
+    );
+    std::fs::write(folder.path().join("proven.ron"), text).unwrap();
+    succeeded(&run(folder.path(), &["run", "proven.ron", "--out", "out"]));
+    let records = records(&folder.path().join("out"));
+    assert_eq!(records.len(), 12);
+    for record in records {
+        let what = format!("{name}: {} {}, worst {:?} px", record["chain"], record["settings"], measure(&record, "bound_worst"));
+        assert_eq!(measure(&record, "bound_violations"), Some(0.0), "{what}");
+    }
+}
+
+#[test]
+fn on_exact_shapes_from_everywhere() {
+    for (shape, terrain) in SHAPES {
+        for (view, camera) in VIEWS {
+            holds(&format!("{shape}, {view}"), terrain, camera, "(160, 120)", "Triangles");
+        }
+    }
+}
+
+#[test]
+fn on_bilinear_patches() {
+    for (shape, terrain) in [SHAPES[2], SHAPES[3]] {
+        holds(&format!("{shape}, bilinear"), terrain, VIEWS[0].1, "(160, 120)", "Bilinear");
+    }
+}
+
+#[test]
+fn on_real_terrain() {
+    let Some(dem) = shared_dem() else { return };
+    let scenes = [
+        (
+            "puget_sound_cascades_2049x1025.png\", cell_m: 90, height_scale_m: 0.125",
+            "Flight(frames: 2, clearance_m: 200, keys: [(eye: (90000, 42000, 2500), look_at: (150000, 50000, 1200)), (eye: (130000, 46000, 2600), look_at: (180000, 60000, 1500))])",
+        ),
+        (
+            "jacksboro_403x344.png\", cell_m: (74.48, 92.61), height_offset_m: 236",
+            "Flight(frames: 2, clearance_m: 150, keys: [(eye: (3000, 2000, 2600), look_at: (14000, 16000, 900)), (eye: (15000, 17000, 2300), look_at: (24000, 28000, 1200))])",
+        ),
+    ];
+    for (file, camera) in scenes {
+        let terrain = format!("Dem(file: \"{}/{file})", dem.display());
+        holds(file, &terrain, camera, "(320, 240)", "Triangles");
+    }
+}
+
+/// The estimates of the paper are not bounds; a count that is always zero would say nothing.
+#[test]
+fn the_count_of_violations_sees_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let fill = "GridError, Rasterize, Compact, RayFill";
+    let text = format!(
+        "Experiment(scene: (terrain: {}, camera: {}, viewport: (160, 120)), chains: {{ \
+         \"paper\": [HeightPyramid, ViewGrid(size: (160, 120)), Project, {fill}], \
+         \"finest\": [HeightPyramid, ViewGrid(size: (32, 24)), Project(filter: Finest), {fill}] }}, measure: [ScreenError])",
+        SHAPES[3].1, VIEWS[0].1
+    );
+    std::fs::write(folder.path().join("paper.ron"), text).unwrap();
+    succeeded(&run(folder.path(), &["run", "paper.ron", "--out", "out"]));
+    for record in records(&folder.path().join("out")) {
+        let violations = measure(&record, "bound_violations").unwrap();
+        assert!(violations > 0.0 && measure(&record, "bound_worst").unwrap() > 1.0, "{}: {violations}", record["chain"]);
+    }
+}
