@@ -29,7 +29,9 @@ struct Params {
 @group(0) @binding(4) var<storage, read> height_min: array<f32>;
 @group(0) @binding(5) var<storage, read_write> moved: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> grid_error: array<f32>;
-@group(0) @binding(7) var<storage, read> height_plane: array<vec4<f32>>;
+/// Of each node: height in its middle and largest distance of the surface from its plane; its slopes as two halves.
+@group(0) @binding(7) var<storage, read> height_plane: array<vec2<f32>>;
+@group(0) @binding(11) var<storage, read> plane_slope: array<u32>;
 /// For both triangles of a cell: lowest and highest of surface minus plane, in metres.
 @group(0) @binding(8) var<storage, read_write> cell_bound: array<vec4<f32>>;
 /// How far a cell's corners have to rise, in metres.
@@ -242,11 +244,12 @@ fn look_at_cell(before: Found, cell: Cell, node: vec2<i32>) -> Found {
 
 /// The surface in a node, from its plane.
 fn look_at_node(found: Found, cell: Cell, level: u32, node: vec2<i32>) -> Found {
-    let plane = height_plane[pyramid_index(params.stride, params.tall, level, vec2<u32>(node))];
+    let index = pyramid_index(params.stride, params.tall, level, vec2<u32>(node));
+    let plane = height_plane[index];
     let corner = relative_cells(params.terrain, node << vec2(level));
     let side = f32(1u << level);
-    let middle = Plane(corner + 0.5 * side, relative_height(params.terrain, plane.x), plane.yz);
-    return look(found, cell, Part(corner - 1e-6 * side, corner + side * 1.000001, middle, plane.w));
+    let middle = Plane(corner + 0.5 * side, relative_height(params.terrain, plane.x), unpack2x16float(plane_slope[index]));
+    return look(found, cell, Part(corner - 1e-6 * side, corner + side * 1.000001, middle, plane.y));
 }
 
 fn corner_at(at: vec2<u32>) -> vec3<f32> {

@@ -14,8 +14,10 @@ struct Params {
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> height: array<f32>;
-/// Height in the node's middle, slope to the east and to the south in metres a cell, largest distance to the surface.
-@group(0) @binding(2) var<storage, read_write> height_plane: array<vec4<f32>>;
+/// Height in the node's middle and largest distance of the surface from the plane, metres.
+@group(0) @binding(2) var<storage, read_write> height_plane: array<vec2<f32>>;
+/// Slope to the east and to the south in metres a cell, as two halves.
+@group(0) @binding(3) var<storage, read_write> plane_slope: array<u32>;
 
 fn sample(at: vec2<u32>) -> f32 {
     return height[at.y * params.size.x + at.x];
@@ -48,7 +50,7 @@ fn from_samples(@builtin(global_invocation_id) id: vec3<u32>) {
             count += 1.0;
         }
     }
-    let slope = products / squares;
+    let slope = stored(products / squares);
     let mean_m = sum / count;
     var lowest = 3.0e38;
     var highest = -3.0e38;
@@ -82,7 +84,7 @@ fn from_planes(@builtin(global_invocation_id) id: vec3<u32>) {
             count += 1.0;
         }
     }
-    let slope = sum.xy / count;
+    let slope = stored(sum.xy / count);
     let middle_m = sum.z / count;
     var lowest = 3.0e38;
     var highest = -3.0e38;
@@ -99,8 +101,16 @@ fn from_planes(@builtin(global_invocation_id) id: vec3<u32>) {
     store(id.xy, slope, middle_m, lowest, highest);
 }
 
+/// Height in the middle, slopes, largest distance.
 fn plane_of(node: vec2<u32>) -> vec4<f32> {
-    return height_plane[pyramid_index(params.stride, params.tall, params.level - 1u, node)];
+    let index = pyramid_index(params.stride, params.tall, params.level - 1u, node);
+    let plane = height_plane[index];
+    return vec4(plane.x, unpack2x16float(plane_slope[index]), plane.y);
+}
+
+/// A slope as it will be read: the distances are taken from the plane that has it.
+fn stored(slope: vec2<f32>) -> vec2<f32> {
+    return unpack2x16float(pack2x16float(clamp(slope, vec2(-6e4), vec2(6e4))));
 }
 
 /// The plane in the middle between lowest and highest, with room for a dozen roundings of its terms.
@@ -108,5 +118,6 @@ fn store(node: vec2<u32>, slope: vec2<f32>, middle_m: f32, lowest: f32, highest:
     let side = f32(1u << params.level);
     let rounding = 1.0e-6 * (params.largest_m + (abs(slope.x) + abs(slope.y)) * side + highest - lowest);
     let index = pyramid_index(params.stride, params.tall, params.level, node);
-    height_plane[index] = vec4(middle_m + 0.5 * (lowest + highest), slope, 0.5 * (highest - lowest) + rounding);
+    height_plane[index] = vec2(middle_m + 0.5 * (lowest + highest), 0.5 * (highest - lowest) + rounding);
+    plane_slope[index] = pack2x16float(slope);
 }

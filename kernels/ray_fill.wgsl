@@ -33,6 +33,16 @@ override FROM_MESH: bool = false;
 /// Pixels a side of a tile.
 const TILE: u32 = 8u;
 
+/// Column and row of a pixel. (A division of integers is slow where there are no vectors of them, and what this one in floats may
+/// be off by one row is put right.)
+fn place_of(index: u32) -> vec2<u32> {
+    let width = i32(params.camera.viewport.x);
+    var row = i32((f32(index) + 0.5) / f32(width));
+    row -= select(0, 1, i32(index) < row * width);
+    row += select(0, 1, i32(index) >= (row + 1) * width);
+    return vec2<u32>(vec2(i32(index) - row * width, row));
+}
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let at = id.y * groups.x * 64u + id.x;
@@ -40,7 +50,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
         return;
     }
     let index = pixels[at];
-    let pixel = vec2(index % params.camera.viewport.x, index / params.camera.viewport.x);
+    let pixel = place_of(index);
     let direction_m = view_ray_of_pixel(params.camera, pixel);
     let per_t = length(direction_m);
     var clear = 0.0;

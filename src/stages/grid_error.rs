@@ -15,7 +15,7 @@ pub const INFO: Info = Info {
     summary: "the error of a projected grid: estimated at its points (Paper), or bounded with the grid raised above the surface (Proven)",
     formula: "delta = max(h_max - h_avg, h_avg - h_min); rho = lambda delta / |p - e|; error = 0 if rho < gamma, else 1 - gamma / rho",
     source: "Loeffler et al. 2009, Eq. 2, 3, 4 and the displacement by the maximum; Proven is ours: docs/proven_bound.md",
-    reads: &["vertex", "height", "height_max", "height_min", "height_plane"],
+    reads: &["vertex", "height", "height_max", "height_min", "height_plane", "plane_slope"],
     writes: &["vertex", "grid_error", "cell_bound", "cell_raise"],
     kernels: &["grid_error.wgsl"],
     params: &[
@@ -74,8 +74,9 @@ impl Stage for GridError {
                 self.plan_paper(chain, grid, lowest, highest)
             }
             Rule::Proven => {
-                let planes = chain.read_as("height_plane", Elem::Vec4F32, &layout.dims())?;
-                self.plan_proven(chain, grid, planes)
+                let planes = chain.read_as("height_plane", Elem::Vec2F32, &layout.dims())?;
+                let slopes = chain.read_as("plane_slope", Elem::U32, &layout.dims())?;
+                self.plan_proven(chain, grid, planes, slopes)
             }
         }
     }
@@ -139,7 +140,13 @@ impl GridError {
             .over(grid.size)
     }
 
-    fn plan_proven(&self, chain: &mut Chain, grid: Grid, planes: BufferId) -> Result<(), Diagnostic> {
+    fn plan_proven(
+        &self,
+        chain: &mut Chain,
+        grid: Grid,
+        planes: BufferId,
+        slopes: BufferId,
+    ) -> Result<(), Diagnostic> {
         let cells = [grid.size.y - 1, grid.size.x - 1];
         let meaning = "lowest and highest of surface minus plane, for both triangles of each cell";
         let bounds = chain.make("cell_bound", Elem::Vec4F32, &cells, "m", meaning);
@@ -147,6 +154,7 @@ impl GridError {
         self.step(chain, "bound", grid)?
             .bind("height", grid.height)
             .bind("height_plane", planes)
+            .bind("plane_slope", slopes)
             .bind("cell_bound", bounds)
             .bind("cell_raise", raises)
             .over(grid.size - 1)?;

@@ -14,7 +14,7 @@ pub const INFO: Info = Info {
     formula: "|surface(x, y) - (c + g . (x, y))| <= r over 2^k x 2^k cells; g by least squares",
     source: "ours; what the minimum and maximum pyramids of Loeffler et al. 2009 are to a level surface, this is to a sloping one",
     reads: &["height"],
-    writes: &["height_plane"],
+    writes: &["height_plane", "plane_slope"],
     kernels: &["plane_pyramid.wgsl"],
     params: &[],
     read: |node, _| read_params::<PlanePyramid>(node),
@@ -32,8 +32,10 @@ impl Stage for PlanePyramid {
         let size = chain.data.terrain.size;
         let layout = bounds_layout(size);
         let height = chain.read("height")?;
-        let meaning = "height in the middle, slope east and south a cell, largest distance of the surface";
-        let planes = chain.make("height_plane", Elem::Vec4F32, &layout.dims(), "m", meaning);
+        let meaning = "height in the middle of each node, largest distance of the surface from its plane";
+        let planes = chain.make("height_plane", Elem::Vec2F32, &layout.dims(), "m", meaning);
+        let meaning = "slope of each plane to the east and to the south in metres a cell, as two halves";
+        let slopes = chain.make("plane_slope", Elem::U32, &layout.dims(), "", meaning);
         let (low, high) = chain.data.range_m;
         let kernel = Kernel::built_in("plane_pyramid.wgsl")?;
         for level in 1..=layout.top {
@@ -41,6 +43,7 @@ impl Stage for PlanePyramid {
             let step = chain.step(&format!("level {level}"), &kernel, entry);
             let step = if level <= EXACT_LEVELS { step.bind("height", height) } else { step };
             step.bind("height_plane", planes)
+                .bind("plane_slope", slopes)
                 .set("size", size.to_array())
                 .set("level", level)
                 .set("stride", layout.stride)
@@ -56,7 +59,8 @@ impl Stage for PlanePyramid {
         let layout = bounds_layout(size);
         let height = buffers.get("height");
         let largest_m = frame.data.range_m.0.abs().max(frame.data.range_m.1.abs());
-        let mut planes = Values::missing(&layout.dims(), 4);
+        let mut planes = Planes { values: Values::missing(&layout.dims(), 2), slopes: Vec::new() };
+        planes.slopes.resize(planes.values.value.len() / 2, DVec2::ZERO);
         for level in 1..=layout.top {
             let nodes = layout.size(level);
             for at in (0..nodes.y).flat_map(|y| (0..nodes.x).map(move |x| UVec2::new(x, y))) {
@@ -67,8 +71,20 @@ impl Stage for PlanePyramid {
                 node.store(&mut planes, layout, level, at, largest_m);
             }
         }
-        buffers.put("height_plane", planes);
+        buffers.put("height_plane", planes.values);
     }
+}
+
+/// The planes of all nodes so far.
+struct Planes {
+    /// Height in the middle, largest distance.
+    values: Values,
+    slopes: Vec<DVec2>,
+}
+
+/// How far a slope is from the half it is stored as: 11 digits of it, or what is below the smallest normal half.
+fn off_slope(slope: DVec2) -> f64 {
+    slope.abs().max_element() * 2.0f64.powi(-11) + 2.0f64.powi(-14)
 }
 
 /// A plane and how far the surface is above and below it.
@@ -107,7 +123,7 @@ impl Node {
     }
 
     /// The mean of the planes below, and what bounds all of them at their corners.
-    fn of_nodes(planes: &Values, layout: Layout, level: u32, at: UVec2) -> Self {
+    fn of_nodes(planes: &Planes, layout: Layout, level: u32, at: UVec2) -> Self {
         let below = layout.size(level - 1);
         let side = f64::from(1u32 << (level - 1));
         let inside = |child: &UVec2| child.cmplt(below).all();
@@ -116,10 +132,13 @@ impl Node {
             .into_iter()
             .filter(|child| inside(&(at * 2 + *child)))
             .map(|child| {
-                let index = 4 * layout.index(level - 1, at.x * 2 + child.x, at.y * 2 + child.y);
-                let v = &planes.value[index..index + 4];
+                let index = layout.index(level - 1, at.x * 2 + child.x, at.y * 2 + child.y);
+                let (v, bound) = (&planes.values.value, &planes.values.bound);
                 let offset = (child.as_dvec2() - 0.5) * side;
-                (offset, v[0], DVec2::new(v[1], v[2]), v[3], planes.bound[index] + planes.bound[index + 3])
+                let own = planes.slopes[index];
+                // the stored plane is another one than this one by its slope, and its distance by what that makes
+                let off = bound[2 * index] + bound[2 * index + 1] + 2.0 * off_slope(own) * side;
+                (offset, v[2 * index], own, v[2 * index + 1], off)
             })
             .collect();
         let count = known.len() as f64;
@@ -138,17 +157,16 @@ impl Node {
         Self { middle_m, slope, lowest, highest, off_m }
     }
 
-    fn store(&self, planes: &mut Values, layout: Layout, level: u32, at: UVec2, largest_m: f64) {
+    fn store(&self, planes: &mut Planes, layout: Layout, level: u32, at: UVec2, largest_m: f64) {
         let side = f64::from(1u32 << level);
-        let index = 4 * layout.index(level, at.x, at.y);
+        let index = layout.index(level, at.x, at.y);
         let terms = largest_m + (self.slope.x.abs() + self.slope.y.abs()) * side + self.highest - self.lowest;
         // the sums of a node have up to 81 terms, added one by one; the kernel adds 1e-6 of the terms to the radius
         let samples = if level <= EXACT_LEVELS { (f64::from((1u32 << level) + 1)).powi(2) } else { 8.0 };
-        let bound = 2.0 * samples * EPSILON * terms + 3.0 * self.off_m;
+        let bound = 2.0 * samples * EPSILON * terms + 3.0 * self.off_m + 2.0 * off_slope(self.slope) * side;
         let middle = self.middle_m + 0.5 * (self.lowest + self.highest);
-        planes.set(index, middle, bound);
-        planes.set(index + 1, self.slope.x, 4.0 * bound / side);
-        planes.set(index + 2, self.slope.y, 4.0 * bound / side);
-        planes.set(index + 3, 0.5 * (self.highest - self.lowest), bound + 1e-6 * terms);
+        planes.slopes[index] = self.slope;
+        planes.values.set(2 * index, middle, bound);
+        planes.values.set(2 * index + 1, 0.5 * (self.highest - self.lowest), bound + 1e-6 * terms);
     }
 }
