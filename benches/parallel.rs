@@ -88,7 +88,11 @@ fn compare(folder: &Path) -> Result<(), Diagnostic> {
     for (at, (name, _)) in chains.iter().enumerate() {
         let ratios = samples[0].iter().zip(&samples[at]).map(|(copy, own)| copy / own).collect();
         let ms = median(samples[at].clone());
-        println!("{name:<8} {ms:8.2} ms, {:6.2} GB/s of input, {:.2} of the copy's rate", bytes / ms / 1e6, median(ratios));
+        println!(
+            "{name:<8} {ms:8.2} ms, {:6.2} GB/s of input, {:.2} of the copy's rate",
+            bytes / ms / 1e6,
+            median(ratios)
+        );
     }
     Ok(())
 }

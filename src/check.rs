@@ -4,7 +4,6 @@
 //! reference is fed once with what the GPU fed its kernel (*local*: is this kernel right?) and once with the
 //! reference chain (*accumulated*: how much has the chain lost by then?).
 
-use std::fmt;
 use crate::experiment::Experiment;
 use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::gpu::{Executor, Gpu};
@@ -12,6 +11,7 @@ use crate::kernel::Elem;
 use crate::plan::{Buffer, BufferId, Chain, Demand, Often, Plan, Storage};
 use crate::reference::{self, Buffers, Difference, Frame, Values};
 use crate::run::{self, Prepared};
+use std::fmt;
 
 /// One buffer of one stage in one case.
 #[derive(Clone, Debug)]
@@ -171,7 +171,8 @@ fn run_stage(executor: &Executor, plan: &Plan, index: usize, frame: usize) -> Re
         written.extend(new);
     }
     // of several with one name, the last is what the stage leaves
-    let is_last = |at: usize| written[at + 1..].iter().all(|&later| plan.buffer(later).name != plan.buffer(written[at]).name);
+    let is_last =
+        |at: usize| written[at + 1..].iter().all(|&later| plan.buffer(later).name != plan.buffer(written[at]).name);
     let left = (0..written.len()).filter(|&at| plan.buffer(written[at]).storage == Storage::Buffer && is_last(at));
     let written: Vec<BufferId> = left.map(|at| written[at]).collect();
     Ok(written)

@@ -37,7 +37,12 @@ fn holds(name: &str, terrain: &str, camera: &str, viewport: &str, surface: &str)
     let records = records(&folder.path().join("out"));
     assert_eq!(records.len(), 12);
     for record in records {
-        let what = format!("{name}: {} {}, worst {:?} px", record["chain"], record["settings"], measure(&record, "bound_worst"));
+        let what = format!(
+            "{name}: {} {}, worst {:?} px",
+            record["chain"],
+            record["settings"],
+            measure(&record, "bound_worst")
+        );
         assert_eq!(measure(&record, "bound_violations"), Some(0.0), "{what}");
     }
 }
@@ -92,6 +97,10 @@ fn the_count_of_violations_sees_them() {
     succeeded(&run(folder.path(), &["run", "paper.ron", "--out", "out"]));
     for record in records(&folder.path().join("out")) {
         let violations = measure(&record, "bound_violations").unwrap();
-        assert!(violations > 0.0 && measure(&record, "bound_worst").unwrap() > 1.0, "{}: {violations}", record["chain"]);
+        assert!(
+            violations > 0.0 && measure(&record, "bound_worst").unwrap() > 1.0,
+            "{}: {violations}",
+            record["chain"]
+        );
     }
 }

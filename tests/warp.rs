@@ -44,11 +44,14 @@ fn ends_are_exact_and_nothing_runs_backwards() {
 fn no_cell_of_the_grid_folds() {
     let gpu = Gpu::open(None).unwrap();
     for kind in PATTERNS {
-        for (size, parameters) in [((3, 2), ""), ((16, 16), ""), ((64, 48), ""), ((64, 48), "rounds: 3"), ((97, 31), "uniform_share: 0.2")] {
+        for (size, parameters) in
+            [((3, 2), ""), ((16, 16), ""), ((64, 48), ""), ((64, 48), "rounds: 3"), ((97, 31), "uniform_share: 0.2")]
+        {
             let ran = warp(&gpu, kind, size, parameters);
             let points = ran.read::<[f32; 2]>("grid_point");
             let at = |x: usize, y: usize| points[y * 33 + x].map(f64::from);
-            let turn = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+            let turn =
+                |a: [f64; 2], b: [f64; 2], c: [f64; 2]| (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
             let what = format!("pattern {kind}, {size:?} {parameters}");
             for y in 0..17 {
                 assert_eq!((at(0, y)[0], at(32, y)[0]), (0.0, 1.0), "{what}: the sides");

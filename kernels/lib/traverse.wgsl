@@ -11,7 +11,7 @@ override UNDERSIDE: bool = false;
 
 const FAR: f32 = 3.0e38;
 /// Level a ray starts at: it starts close to the surface.
-const START_LEVEL: u32 = 2u;
+const START_LEVEL: u32 = 1u;
 
 /// The ray in cell units horizontally and metres vertically, eye at the origin: position = direction * t.
 struct Ray {

@@ -232,7 +232,8 @@ impl<'a> Executor<'a> {
                 staging
             }
             (Some(Place::Target { texture, .. }), None) => {
-                let row = (texture.width() * buffer.elem.bytes() as u32).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+                let row =
+                    (texture.width() * buffer.elem.bytes() as u32).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
                 let staging = make_buffer(self.gpu, &buffer.name, u64::from(row) * u64::from(texture.height()), usage)?;
                 let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
                 encoder.copy_texture_to_buffer(
@@ -308,7 +309,8 @@ impl<'a> Executor<'a> {
             .map(|(name, value)| (name.as_str(), *value))
             .collect();
         let what = format!("the pipeline of `{}` ({})", step.label, step.kernel.name);
-        let pipeline = self.gpu.scoped(&what, || make_pipeline(self.gpu, self.plan, step, module, &layout, &constants))?;
+        let pipeline =
+            self.gpu.scoped(&what, || make_pipeline(self.gpu, self.plan, step, module, &layout, &constants))?;
         Ok(Prepared { pipeline, bind_group, params_stride: params.map(|(_, _, stride)| stride) })
     }
 
@@ -483,10 +485,7 @@ fn make_pipeline(
             compilation_options: compilation_options.clone(),
             buffers: &[],
         },
-        primitive: wgpu::PrimitiveState {
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            ..Default::default()
-        },
+        primitive: wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(true),

@@ -70,8 +70,12 @@ pub fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuErr
 
 /// (A multiple of 16 bytes: an array of scalars can be bound as one of four at once.)
 pub fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer, GpuError> {
-    let descriptor =
-        wgpu::BufferDescriptor { label: Some(name), size: bytes.max(16).next_multiple_of(16), usage, mapped_at_creation: false };
+    let descriptor = wgpu::BufferDescriptor {
+        label: Some(name),
+        size: bytes.max(16).next_multiple_of(16),
+        usage,
+        mapped_at_creation: false,
+    };
     gpu.scoped(&format!("the buffer `{name}`"), || gpu.device.create_buffer(&descriptor))
 }
 

@@ -115,7 +115,8 @@ impl Seen<'_> {
             self.camera.pixel(top).map_or(f64::INFINITY, |place| place.distance(pixel))
         };
         // surface minus ray bends only where the ray crosses columns, rows and diagonals (a patch bends between them, by less)
-        let lines = [(origin.x, direction.x), (origin.y, direction.y), (origin.x + origin.y, direction.x + direction.y)];
+        let lines =
+            [(origin.x, direction.x), (origin.y, direction.y), (origin.x + origin.y, direction.x + direction.y)];
         let crossings = lines.into_iter().flat_map(|(start, speed)| {
             let (from, to) = (start + speed * true_m, start + speed * end_m);
             let (low, high) = (from.min(to).ceil() as i64, from.max(to).floor() as i64);

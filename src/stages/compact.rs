@@ -117,11 +117,12 @@ impl Stage for Compact {
 
     fn reference(&self, _frame: &Frame, buffers: &mut Buffers) {
         let source = buffers.get(&self.of);
-        let listed: Vec<f64> = (0..source.value.len()).filter(|&at| source.value[at] > self.above).map(|at| at as f64).collect();
+        let listed: Vec<f64> =
+            (0..source.value.len()).filter(|&at| source.value[at] > self.above).map(|at| at as f64).collect();
         // an element whose bound reaches across the value may be listed or not, and moves all after it
         let reaches = |at: usize| {
             let (value, bound) = (source.value[at], source.bound[at]);
-            value.is_nan() && bound > 0.0 || (value - self.above).abs() <= bound && bound > 0.0
+            bound > 0.0 && (value.is_nan() || (value - self.above).abs() <= bound)
         };
         let open = (0..source.value.len()).any(reaches);
         let bound = if open { f64::INFINITY } else { 0.0 };

@@ -19,7 +19,11 @@ pub const INFO: Info = Info {
     writes: &["vertex", "grid_error", "cell_bound", "cell_raise"],
     kernels: &["grid_error.wgsl"],
     params: &[
-        ("rule", "Paper", "Paper estimates at grid points from the minimum and maximum pyramids; Proven bounds whole cells"),
+        (
+            "rule",
+            "Paper",
+            "Paper estimates at grid points from the minimum and maximum pyramids; Proven bounds whole cells",
+        ),
         ("threshold_px", "1.0", "the error that the mesh is allowed, gamma"),
     ],
     read: |node, _| {
@@ -140,13 +144,7 @@ impl GridError {
             .over(grid.size)
     }
 
-    fn plan_proven(
-        &self,
-        chain: &mut Chain,
-        grid: Grid,
-        planes: BufferId,
-        slopes: BufferId,
-    ) -> Result<(), Diagnostic> {
+    fn plan_proven(&self, chain: &mut Chain, grid: Grid, planes: BufferId, slopes: BufferId) -> Result<(), Diagnostic> {
         let cells = [grid.size.y - 1, grid.size.x - 1];
         let meaning = "lowest and highest of surface minus plane, for both triangles of each cell";
         let bounds = chain.make("cell_bound", Elem::Vec4F32, &cells, "m", meaning);
@@ -239,8 +237,10 @@ impl Ranges<'_> {
             let south = pick(node(0.0, 1.0)) * (1.0 - w.x) + pick(node(1.0, 1.0)) * w.x;
             north * (1.0 - w.y) + south * w.y
         };
-        let around: Vec<(f64, f64)> =
-            (-1..=2).flat_map(|dy| (-1..=2).map(move |dx| (f64::from(dx), f64::from(dy)))).map(|(x, y)| node(x, y)).collect();
+        let around: Vec<(f64, f64)> = (-1..=2)
+            .flat_map(|dy| (-1..=2).map(move |dx| (f64::from(dx), f64::from(dy))))
+            .map(|(x, y)| node(x, y))
+            .collect();
         let spread = |pick: fn(&(f64, f64)) -> f64| {
             let (low, high) = around.iter().map(pick).fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
             high - low
@@ -278,8 +278,10 @@ fn proven(frame: &Frame, buffers: &mut Buffers) {
     let mut moved = (*vertices).clone();
     for at in (0..rows).flat_map(|y| (0..columns).map(move |x| UVec2::new(x, y))) {
         let (a, b) = (at.max(UVec2::ONE) - 1, at.min(UVec2::new(columns, rows) - 2));
-        let around = [a, b, UVec2::new(a.x, b.y), UVec2::new(b.x, a.y)].map(|cell| ranges[(cell.y * (columns - 1) + cell.x) as usize]);
-        let (low, high) = around.into_iter().fold((0.0, 0.0), |(l, h): (f64, f64), (low, high)| (l.max(low), h.max(high)));
+        let around = [a, b, UVec2::new(a.x, b.y), UVec2::new(b.x, a.y)]
+            .map(|cell| ranges[(cell.y * (columns - 1) + cell.x) as usize]);
+        let (low, high) =
+            around.into_iter().fold((0.0, 0.0), |(l, h): (f64, f64), (low, high)| (l.max(low), h.max(high)));
         let index = 4 * (at.y * columns + at.x) as usize;
         let (z, off) = (vertices.value[index + 2], vertices.bound[index + 2]);
         let rounding = 2.0 * EPSILON * (z.abs() + high);
@@ -326,7 +328,8 @@ impl Cell {
         let around = DVec2::splat(2.0 * extent.max_element() + 2.0) + snap_m / terrain.cell_m;
         let surface = surface_range(frame, low.truncate() - around, high.truncate() + around);
         let steep = (high.z - low.z) / extent.min_element().max(1e-9);
-        let rounding_m = 1e-5 * (reach.z + steep * reach.truncate().length() + frame.data.range_m.1.abs() + frame.data.range_m.0.abs());
+        let rounding_m = 1e-5
+            * (reach.z + steep * reach.truncate().length() + frame.data.range_m.1.abs() + frame.data.range_m.0.abs());
         Self { corners, off_m, surface, snap_m, rounding_m }
     }
 

@@ -7,8 +7,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::Camera;
 use super::EPSILON;
+use crate::camera::Camera;
 use crate::plan::SceneData;
 use crate::plan::chain::StepBuilder;
 
@@ -138,7 +138,8 @@ fn visible_ground(data: &SceneData, camera: &Camera) -> Vec<DVec2> {
     // a hundredth of a cell more, and more far away: what rounding may take from the grid's border
     let around = |corner: DVec3| {
         let more = 0.01 * terrain.cell_m.max_element() + 1e-5 * corner.length();
-        [(-more, -more), (more, -more), (-more, more), (more, more)].map(|offset| corner.truncate() + DVec2::from(offset))
+        [(-more, -more), (more, -more), (-more, more), (more, more)]
+            .map(|offset| corner.truncate() + DVec2::from(offset))
     };
     corners.flat_map(around).collect()
 }

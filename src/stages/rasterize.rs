@@ -43,7 +43,8 @@ impl Stage for Rasterize {
         };
         let promise = chain.promise_of(vertices);
         let proven = promise.is_some_and(|promise| promise.proven);
-        let bounds = if proven { chain.read_as("cell_bound", Elem::Vec4F32, &[size.y - 1, size.x - 1])? } else { vertices };
+        let bounds =
+            if proven { chain.read_as("cell_bound", Elem::Vec4F32, &[size.y - 1, size.x - 1])? } else { vertices };
         let (elem, meaning) = match promise {
             None => (Elem::U32, "distance of the nearest triangle as the bits of an f32; 0 is none"),
             Some(_) => (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none"),
@@ -56,7 +57,13 @@ impl Stage for Rasterize {
         let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
         let (width, tall) = chain.data.scene.viewport;
         let error = promise.map(|_| {
-            chain.make("error", Elem::F32, &[tall, width], "", "normalised error of what is drawn; 0 is within the threshold")
+            chain.make(
+                "error",
+                Elem::F32,
+                &[tall, width],
+                "",
+                "normalised error of what is drawn; 0 is within the threshold",
+            )
         });
         let entries = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
         for (label, entry) in [("draw", "draw"), ("resolve", entries.1)] {
@@ -121,8 +128,11 @@ impl Stage for Rasterize {
             }
             mesh.error(frame, pixel, &hit, threshold_px)
         };
-        let pixels: Vec<((f64, f64), (f64, f64))> =
-            (0..tall).into_par_iter().flat_map_iter(|y| (0..width).map(move |x| (y, x))).map(|(y, x)| seen(y, x)).collect();
+        let pixels: Vec<((f64, f64), (f64, f64))> = (0..tall)
+            .into_par_iter()
+            .flat_map_iter(|y| (0..width).map(move |x| (y, x)))
+            .map(|(y, x)| seen(y, x))
+            .collect();
         let mut distance = Values::missing(&[tall, width], 1);
         let mut error = Values::missing(&[tall, width], 1);
         for (at, ((value, bound), (own, own_bound))) in pixels.into_iter().enumerate() {
@@ -274,7 +284,8 @@ impl Mesh {
             let moved = (ray + step * (SNAP_PX * corner.length().max(1.0))).normalize();
             (at(moved * (normal.dot(a) / normal.dot(moved))) - at(point)).abs()
         });
-        let spread = carried.iter().copied().fold(f64::MIN, f64::max) - carried.iter().copied().fold(f64::MAX, f64::min);
+        let spread =
+            carried.iter().copied().fold(f64::MIN, f64::max) - carried.iter().copied().fold(f64::MAX, f64::min);
         let off = 2.0 * (aside[0] + aside[1]) + 2e-4 * spread + 1e-6;
         (hit.distance, (at(point).clamp(0.0, 1.0), if off.is_finite() { off } else { f64::INFINITY }))
     }
@@ -294,18 +305,16 @@ impl Mesh {
         let per_t = ray.length();
         let corners = self.triangles[number];
         let raises = self.carried[number];
-        let upwards = |[a, b, c]: [DVec3; 3]| {
+        // both triangles of a cell turn the same way here: upwards
+        let plane = |[a, b, c]: [DVec3; 3]| {
             let normal = (b - a).cross(c - a);
-            let normal = if number % 2 == 0 { normal } else { -normal };
             (normal, normal.dot(a))
         };
-        // the two triangles of a cell turn opposite ways as the strip has them, and the same way here
-        let up = |(normal, d): (DVec3, f64)| if number % 2 == 0 { (normal, d) } else { (-normal, -d) };
-        let (normal, d) = up(upwards(corners));
+        let (normal, d) = plane(corners);
         let (low_m, high_m) = self.found_m[number];
         let lift = DVec3::Z * (0.5 * (low_m + high_m));
         let lowered = [0, 1, 2].map(|at| corners[at] - DVec3::Z * raises[at] + lift);
-        let (under, under_d) = up(upwards(lowered));
+        let (under, under_d) = plane(lowered);
         // is a value below a limit, if rounding cannot turn that
         let decide = |value: f64, limit: f64, slack: f64| ((value - limit).abs() > slack).then_some(value < limit);
         let steep = normal.dot(ray);

@@ -4,6 +4,7 @@ use serde::Deserialize;
 use super::{EPSILON, Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
+use crate::plan::chain::StepBuilder;
 use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame, Values};
 
@@ -67,20 +68,16 @@ impl Stage for Warp {
         let size = UVec2::new(columns, rows);
         let mut map = None;
         for round in 0..self.rounds {
-            map = Some(self.round(chain, round, importance, size, map)?);
+            map = Some(self.round(chain, round, importance, (size, grid), map)?);
         }
         let Some((map, share)) = map else { return Ok(()) };
         let meaning = "place in the projector's image, (0, 0) to (1, 1)";
         let warped = chain.make("grid_point", Elem::Vec2F32, &[grid.y, grid.x], "", meaning);
-        chain
-            .step("refine", &Kernel::built_in("warp.wgsl")?, "refine")
+        self.step(chain, "refine", self.rounds - 1, (size, grid))?
             .bind("warp_map", map)
             .bind("share", share)
             .bind("uniform_point", points)
             .bind("grid_point", warped)
-            .set("size", size.to_array())
-            .set("grid", grid.to_array())
-            .set("uniform_share", self.uniform_share as f32)
             .over(grid)
     }
 
@@ -123,69 +120,55 @@ impl Warp {
         chain: &mut Chain,
         round: u32,
         importance: BufferId,
-        size: UVec2,
+        (size, grid): (UVec2, UVec2),
         before: Option<(BufferId, BufferId)>,
     ) -> Result<(BufferId, BufferId), Diagnostic> {
-        let kernel = Kernel::built_in("warp.wgsl")?;
         let (wide, tall) = (size.x + 1, size.y + 1);
-        let mut steps: Vec<(&str, Vec<(&str, BufferId)>, UVec2)> = Vec::new();
-        // some buffer has to stand for the map that the first round does not have
         let mut weights = importance;
         if let Some((map, _)) = before {
-            weights = chain.make("warped_importance", Elem::F32, &[size.y, size.x], "", "importance after earlier rounds");
-            steps.push(("resample", vec![("importance", importance), ("map_before", map), ("resampled", weights)], size));
+            let meaning = "importance after earlier rounds";
+            weights = chain.make("warped_importance", Elem::F32, &[size.y, size.x], "", meaning);
+            let resample = self.step(chain, "resample", round, (size, grid))?.bind("importance", importance);
+            resample.bind("map_before", map).bind("resampled", weights).over(size)?;
         }
         let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go");
         let columns = chain.make("warp_columns", Elem::F32, &[size.x, tall], "", "where each column's row borders go");
         let map = chain.make("warp_map", Elem::Vec2F32, &[tall, wide], "", "where the map's corners go");
         let meaning = "how much of the warp keeps every cell convex, as the bits of an f32";
         let share = chain.make("warp_share", Elem::U32, &[1], "", meaning);
-        let no_map = before.map_or(map, |(map, _)| map);
-        steps.extend([
-            (
-                "rows",
-                // a row is not made from the rows' warps: any buffer will do for them
-                vec![("importance", weights), ("warp_rows", weights), ("rows_out", rows)],
-                UVec2::new(size.y, 1),
-            ),
-            (
-                "columns",
-                vec![("importance", weights), ("warp_rows", rows), ("columns_out", columns)],
-                UVec2::new(size.x, 1),
-            ),
-            (
-                "compose",
-                vec![("warp_rows", rows), ("warp_columns", columns), ("map_out", map), ("share_out", share)],
-                UVec2::new(wide, tall),
-            ),
-            ("unfold", vec![("warp_map", map), ("share_out", share)], size),
-        ]);
-        for (entry, bindings, over) in steps {
-            let mut step = chain
-                .step(&format!("{entry} {}", round + 1), &kernel, entry)
-                .constant("COMPENSATED", f64::from(self.sums == Sums::Compensated))
-                .constant("HAS_MAP", f64::from(before.is_some()))
-                .set("size", size.to_array())
-                .set("grid", [0u32, 0])
-                .set("uniform_share", self.uniform_share as f32);
-            for (variable, buffer) in bindings {
-                step = step.bind(variable, buffer);
-            }
-            if entry == "compose" {
-                step = match before {
-                    Some(_) => step.bind("map_before", no_map),
-                    None => step.leave_unbound("map_before"),
-                };
-            }
-            // the walks run both ways with one function, which each of them needs only half of
-            step = match entry {
-                "rows" => step.leave_unbound("columns_out"),
-                "columns" => step.leave_unbound("rows_out"),
-                _ => step,
-            };
-            step.over(over)?;
-        }
+        // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
+        // warps, and any buffer will do for them
+        let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", weights).bind("rows_out", rows);
+        walk.bind("warp_rows", weights).leave_unbound("columns_out").over(UVec2::new(size.y, 1))?;
+        let walk =
+            self.step(chain, "columns", round, (size, grid))?.bind("importance", weights).bind("columns_out", columns);
+        walk.bind("warp_rows", rows).leave_unbound("rows_out").over(UVec2::new(size.x, 1))?;
+        let compose =
+            self.step(chain, "compose", round, (size, grid))?.bind("warp_rows", rows).bind("warp_columns", columns);
+        let compose = match before {
+            Some((map, _)) => compose.bind("map_before", map),
+            None => compose.leave_unbound("map_before"),
+        };
+        compose.bind("map_out", map).bind("share_out", share).over(UVec2::new(wide, tall))?;
+        self.step(chain, "unfold", round, (size, grid))?.bind("warp_map", map).bind("share_out", share).over(size)?;
         Ok((map, share))
+    }
+
+    fn step<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        entry: &str,
+        round: u32,
+        (size, grid): (UVec2, UVec2),
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let kernel = Kernel::built_in("warp.wgsl")?;
+        Ok(chain
+            .step(&format!("{entry} {}", round + 1), &kernel, entry)
+            .constant("COMPENSATED", f64::from(self.sums == Sums::Compensated))
+            .constant("HAS_MAP", f64::from(round > 0))
+            .set("size", size.to_array())
+            .set("grid", grid.to_array())
+            .set("uniform_share", self.uniform_share as f32))
     }
 
     /// The warp of one line of weights (value, bound).
