@@ -85,7 +85,7 @@ fn paper(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = vec2<f32>(params.terrain.size - 1u);
     let cells = clamp(cells_from_world(params.terrain, point.xy), -origin, last - origin);
     let level = clamp(point.w, 0.0, f32(params.top));
-    let finer = u32(level);
+    let finer = min(u32(level), params.top);
     var range_m = range_at(finer, cells);
     range_m = mix(range_m, range_at(min(finer + 1u, params.top), cells), level - f32(finer));
     let low = relative_height(params.terrain, range_m.x);

@@ -92,7 +92,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         height_m = height_at(0u, cells);
     } else {
         level = clamp(log2(max(extent(id.xy, here), 1.0)), 0.0, f32(params.max_level));
-        let finer = u32(level);
+        let finer = min(u32(level), params.max_level);
         height_m = height_at(finer, cells);
         if BLEND {
             let coarser = min(finer + 1u, params.max_level);

@@ -46,10 +46,15 @@ fn place_of(index: u32) -> vec2<u32> {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let at = id.y * groups.x * 64u + id.x;
-    if at >= pixels_count[3] {
+    let every = params.camera.viewport.x * params.camera.viewport.y;
+    if at >= min(pixels_count[3], every) {
         return;
     }
+    // anybody can make a list
     let index = pixels[at];
+    if index >= every {
+        return;
+    }
     let pixel = place_of(index);
     let direction_m = view_ray_of_pixel(params.camera, pixel);
     let per_t = length(direction_m);

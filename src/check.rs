@@ -95,7 +95,7 @@ fn cases() -> Vec<(String, String)> {
              \"cast\": [HeightPyramid, RayCast, Shade], \
              \"grid\": [HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade], \
              \"finer\": [HeightPyramid(max_level: 2), ViewGrid(size: (2, 5)), Project(filter: Bilinear), Rasterize], \
-             \"paper\": [HeightPyramid, ViewGrid(size: (23, 17)), AspectImportance(size: (9, 7)), Warp(rounds: 2, uniform_share: 0.1), \
+             \"paper\": [HeightPyramid, ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1), \
              Project, GridError(threshold_px: 0.5), Rasterize, Compact, RayFill], \
              \"proven\": [HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp, \
              Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact, RayFill] }})"

@@ -16,7 +16,9 @@ fn every_stage_agrees_with_its_reference() {
     let failed: Vec<String> =
         outcomes.iter().filter(|outcome| !outcome.passed()).map(|outcome| outcome.to_string()).collect();
     assert!(failed.is_empty(), "{}", failed.join("\n"));
-    for info in lodlab::stages::REGISTRY.iter().filter(|info| info.name != "Kernel") {
+    // nothing in the catalogue makes numbers to sum but `Compact`, for itself; tests/parallel.rs has both to themselves
+    let elsewhere = ["Kernel", "Scan"];
+    for info in lodlab::stages::REGISTRY.iter().filter(|info| !elsewhere.contains(&info.name)) {
         assert!(
             outcomes.iter().any(|outcome| outcome.stage == info.name && outcome.local.compared > 1000),
             "{} is not checked",

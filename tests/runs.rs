@@ -265,7 +265,7 @@ fn a_kernel_in_place_belongs_to_its_frame() {
 fn a_dump_does_not_change_a_finished_cell() {
     let folder = tempfile::tempdir().unwrap();
     let chain = "\"cast\": [HeightPyramid, RayCast]";
-    let dumped = records_of(folder.path(), chain, "measure: [Time]", &["--dump", "clear_until"]);
+    let dumped = records_of(folder.path(), chain, "measure: [Time]", &["--dump", "height_max"]);
     assert!(dumped[0]["plan"].as_str().unwrap().contains("cast"));
     let steps = |record: &serde_json::Value| record["timings"]["kernels"].as_array().unwrap().len();
     let plain = records_of(folder.path(), chain, "measure: [Time]", &[]);

@@ -90,8 +90,8 @@ pub struct Chain<'a> {
     buffers: Vec<Buffer>,
     steps: Vec<Step>,
     left_out: Vec<LeftOut>,
-    /// The latest promise and the vertices it is made for.
-    promise: Option<(Promise, BufferId)>,
+    /// What was promised of which buffers: vertices, and what was drawn of them.
+    promises: Vec<(Promise, BufferId)>,
     stage: String,
     stage_index: usize,
     origin: Origin,
@@ -121,7 +121,7 @@ impl<'a> Chain<'a> {
             buffers: vec![height],
             steps: Vec::new(),
             left_out: Vec::new(),
-            promise: None,
+            promises: Vec::new(),
             stage: String::new(),
             stage_index: 0,
             origin: origin.clone(),
@@ -233,14 +233,14 @@ impl<'a> Chain<'a> {
         id
     }
 
-    /// Says how far off a picture of these vertices may be.
-    pub fn promise(&mut self, promise: Promise, vertices: BufferId) {
-        self.promise = Some((promise, vertices));
+    /// Says how far off a picture of these vertices, or this picture, may be.
+    pub fn promise(&mut self, promise: Promise, buffer: BufferId) {
+        self.promises.push((promise, buffer));
     }
 
-    /// What was said of these vertices.
-    pub fn promise_of(&self, vertices: BufferId) -> Option<Promise> {
-        self.promise.filter(|(_, of)| *of == vertices).map(|(promise, _)| promise)
+    /// What was said of a buffer; another one of the same name has its own.
+    pub fn promise_of(&self, buffer: BufferId) -> Option<Promise> {
+        self.promises.iter().find(|(_, of)| *of == buffer).map(|(promise, _)| *promise)
     }
 
     /// Something this stage found out it need not do.
@@ -286,6 +286,7 @@ impl<'a> Chain<'a> {
     }
 
     pub(super) fn into_draft(self) -> Result<Plan, Diagnostic> {
+        let promise = self.read("distance").ok().and_then(|distance| self.promise_of(distance));
         Ok(Plan {
             chain: self.name,
             buffers: self.buffers,
@@ -294,7 +295,7 @@ impl<'a> Chain<'a> {
             slots: Vec::new(),
             outputs: Vec::new(),
             frames: self.data.cameras.len(),
-            promise: self.promise.map(|(promise, _)| promise),
+            promise,
         })
     }
 }

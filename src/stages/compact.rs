@@ -22,7 +22,14 @@ pub const INFO: Info = Info {
         ("above", "0", "elements above this are listed; NaN is not"),
         ("to", "\"pixels\"", "the list to make; its count is called the same with `_count`"),
     ],
-    read: |node, _| super::read_params::<Compact>(node),
+    read: |node, _| {
+        let stage: Compact = node.parse_fields()?;
+        if stage.above.is_nan() {
+            let above = node.field("above").unwrap_or(node);
+            return Err(Diagnostic::input("nothing is above NaN").at(&above.origin, "expected a number"));
+        }
+        Ok(Box::new(stage))
+    },
 };
 
 #[derive(Clone, Debug, Deserialize)]
@@ -117,12 +124,13 @@ impl Stage for Compact {
 
     fn reference(&self, _frame: &Frame, buffers: &mut Buffers) {
         let source = buffers.get(&self.of);
+        let above = f64::from(self.above as f32);
         let listed: Vec<f64> =
-            (0..source.value.len()).filter(|&at| source.value[at] > self.above).map(|at| at as f64).collect();
+            (0..source.value.len()).filter(|&at| source.value[at] > above).map(|at| at as f64).collect();
         // an element whose bound reaches across the value may be listed or not, and moves all after it
         let reaches = |at: usize| {
             let (value, bound) = (source.value[at], source.bound[at]);
-            bound > 0.0 && (value.is_nan() || (value - self.above).abs() <= bound)
+            bound > 0.0 && (value.is_nan() || (value - above).abs() <= bound)
         };
         let open = (0..source.value.len()).any(reaches);
         let bound = if open { f64::INFINITY } else { 0.0 };

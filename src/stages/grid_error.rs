@@ -67,6 +67,11 @@ pub(super) const SNAP_PX: f32 = 0.005;
 impl Stage for GridError {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (vertices, size) = chain.read_grid("vertex", Elem::Vec4F32)?;
+        if chain.promise_of(vertices).is_some() {
+            return Err(
+                Diagnostic::input("these vertices have their error already").at(chain.origin(), "a second time")
+            );
+        }
         let samples = chain.data.terrain.size;
         let height = chain.read_as("height", Elem::F32, &[samples.y, samples.x])?;
         let layout = bounds_layout(samples);

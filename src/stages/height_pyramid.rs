@@ -71,7 +71,7 @@ impl Stage for HeightPyramid {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let size = chain.data.terrain.size;
         let (bounds, mean) = (bounds_layout(size), Layout::new(size));
-        let height = chain.read("height")?;
+        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
         let highest = chain.make("height_max", Elem::F32, &bounds.dims(), "m", "maximum pyramid over cells");
         let lowest = chain.make("height_min", Elem::F32, &bounds.dims(), "m", "minimum pyramid over cells");
         let means = chain.make("height_mean", Elem::F32, &mean.dims(), "m", "mean pyramid over samples");

@@ -31,7 +31,7 @@ impl Stage for PlanePyramid {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let size = chain.data.terrain.size;
         let layout = bounds_layout(size);
-        let height = chain.read("height")?;
+        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
         let meaning = "height in the middle of each node, largest distance of the surface from its plane";
         let planes = chain.make("height_plane", Elem::Vec2F32, &layout.dims(), "m", meaning);
         let meaning = "slope of each plane to the east and to the south in metres a cell, as two halves";

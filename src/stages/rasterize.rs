@@ -65,6 +65,12 @@ impl Stage for Rasterize {
                 "normalised error of what is drawn; 0 is within the threshold",
             )
         });
+        for (promise, buffer) in promise.into_iter().flat_map(|promise| [Some(distance), error].map(|id| (promise, id)))
+        {
+            if let Some(buffer) = buffer {
+                chain.promise(promise, buffer);
+            }
+        }
         let entries = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
         for (label, entry) in [("draw", "draw"), ("resolve", entries.1)] {
             let sees_underside = chain.data.sees_underside;

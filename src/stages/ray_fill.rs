@@ -41,8 +41,8 @@ impl Stage for RayFill {
         let count = chain.read_as(&format!("{}_count", self.pixels), Elem::U32, &[4])?;
         let distance = chain.read_as("distance", Elem::F32, &[tall, width])?;
         let error = chain.read_as("error", Elem::F32, &[tall, width])?;
-        let vertices = chain.read("vertex")?;
-        let from_mesh = chain.promise_of(vertices).is_some_and(|promise| promise.proven);
+        let is_proven = |buffer| chain.promise_of(buffer).is_some_and(|promise| promise.proven);
+        let from_mesh = is_proven(distance) && is_proven(error);
         let start = terrain.lead_tiles(chain)?;
         let kernel = Kernel::built_in("ray_fill.wgsl")?;
         terrain
