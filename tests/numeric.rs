@@ -21,7 +21,8 @@ fn every_stage_agrees_with_its_reference() {
     for info in lodlab::stages::REGISTRY.iter().filter(|info| !elsewhere.contains(&info.name)) {
         let of_stage = outcomes.iter().filter(|outcome| outcome.stage == info.name);
         let compared: usize = of_stage.map(|outcome| outcome.local.compared).sum();
-        assert!(compared > 1000, "{} is not checked: {compared} values", info.name);
+        // the fewest are of LeadRays, which has one for 64 pixels
+        assert!(compared > 400, "{} is not checked: {compared} values", info.name);
     }
 }
 
