@@ -249,7 +249,7 @@ impl<'a> Chain<'a> {
         self.left_out.push(LeftOut { what, reason: reason.into(), saved_bytes, saved_threads });
     }
 
-    /// A compute step of this stage, to be finished with [`StepBuilder::over`] or [`StepBuilder::draw`].
+    /// A compute step of this stage, to be finished with [`StepBuilder::over`] or [`StepBuilder::draw_strip`].
     pub fn step(&mut self, label: &str, kernel: &Arc<Kernel>, entry: &str) -> StepBuilder<'_, 'a> {
         let step = Step {
             stage: self.stage.clone(),
