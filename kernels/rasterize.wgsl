@@ -51,7 +51,9 @@ override DISCARD: bool = false;
 fn strip_place(row: u32, k: u32) -> vec2<u32> {
     let columns = params.grid.x;
     let at = vec2(k / 2u, row + (k & 1u));
-    return select(at, select(vec2(columns - 1u, row + 1u), vec2(0u, row - 1u), k > 2u * columns), k >= 2u * columns);
+    // the last row leads nowhere
+    let next = max(row, 1u) - 1u;
+    return select(at, select(vec2(columns - 1u, row + 1u), vec2(0u, next), k > 2u * columns), k >= 2u * columns);
 }
 
 fn vertex_at(place: vec2<u32>) -> vec4<f32> {

@@ -271,7 +271,7 @@ fn proven(frame: &Frame, buffers: &mut Buffers) {
         let cell = Cell::new(frame, &vertices, at);
         let index = (at.y * (columns - 1) + at.x) as usize;
         for (triangle, [a, b, c]) in cell.triangles().into_iter().enumerate() {
-            let (seen, limit) = (cell.seen(frame, [a, b, c]), cell.limit(frame, [a, b, c]));
+            let (seen, limit) = (cell.seen(frame, [a, b, c]), cell.limit([a, b, c]));
             set(&mut bounds, 4 * index + 2 * triangle, limit.0, seen.0.min(limit.1));
             set(&mut bounds, 4 * index + 2 * triangle + 1, seen.1.max(limit.0), limit.1);
         }
@@ -360,7 +360,7 @@ impl Cell {
     }
 
     /// What surface minus plane can be at most, on the ground that the kernel may have looked at.
-    fn limit(&self, _frame: &Frame, corners: [DVec3; 3]) -> (f64, f64) {
+    fn limit(&self, corners: [DVec3; 3]) -> (f64, f64) {
         let Some((lowest, highest)) = self.surface else { return (-self.rounding_m, self.rounding_m) };
         let [a, b, c] = corners;
         let (u, v) = (b - a, c - a);

@@ -343,6 +343,7 @@ impl Mesh {
         let beside_m = 2.0 * f64::from(super::grid_error::SNAP_PX) * (aside(right) + aside(down)).sqrt();
         let low = corners.into_iter().fold(DVec3::MAX, DVec3::min).truncate();
         let high = corners.into_iter().fold(DVec3::MIN, DVec3::max).truncate();
+        // the footprint: a rim of 1/64 and a quarter as deep behind (docs/proven_bound.md), less a hundredth for rounding
         let edge_m = 0.99 / 64.0 * (high - low).max_element();
         let reach = corners.map(|corner| corner.truncate().length());
         let (nearest, farthest) = reach.iter().fold((f64::MAX, 0.0f64), |(l, h), &r| (l.min(r), h.max(r)));
