@@ -1,7 +1,7 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
 //!include lib/footprint.wgsl
-// A grid mesh to the pixels it covers. Each fragment intersects its pixel's ray with the plane of its triangle, which
+// A grid mesh, or a list of triangles between samples, to the pixels it covers. Each fragment intersects its pixel's ray with the plane of its triangle, which
 // comes with the strip's first vertex and is not interpolated, so distances do not depend on how a GPU interpolates.
 
 struct Params {
@@ -35,6 +35,9 @@ struct Params {
 
 /// For each tile of pixels, a depth that all its rays reach without a hit.
 @group(0) @binding(6) var<storage, read> clear_until: array<f32>;
+/// Three samples, column and row in 16 bits each, counterclockwise from above.
+@group(0) @binding(7) var<storage, read> triangle: array<vec4<u32>>;
+@group(0) @binding(8) var<storage, read> height: array<f32>;
 
 /// Tiles are known.
 override LED: bool = false;
@@ -123,6 +126,38 @@ fn draw(@builtin(vertex_index) index: u32) -> Drawn {
     return drawn;
 }
 
+/// A sample relative to the eye.
+fn sample_at(key: u32) -> vec3<f32> {
+    let sample = vec2(key & 0xffffu, key >> 16u);
+    let ground = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(sample)));
+    return vec3(ground, relative_height(params.terrain, height[sample.y * params.terrain.size.x + sample.x]));
+}
+
+/// What a triangle of a list carries: the less, the faster.
+struct Listed {
+    @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat, first) plane: vec4<f32>,
+    @location(1) @interpolate(flat, first) depth: vec2<f32>,
+}
+
+@vertex
+fn draw_list(@builtin(vertex_index) index: u32) -> Listed {
+    let keys = triangle[index / 3u];
+    // the same computation for each corner, so that triangles that share one have the same bits there
+    let world = sample_at(keys[index % 3u]);
+    let view = vec3(dot(params.view_right, world), dot(params.view_up, world), dot(params.view_forward, world));
+    var drawn: Listed;
+    drawn.position = vec4(view.xy / params.half_tan, params.near_m, view.z);
+    let a = sample_at(keys.x);
+    let b = sample_at(keys.y);
+    let c = sample_at(keys.z);
+    let normal = cross(b - a, c - a);
+    drawn.plane = vec4(normal, dot(normal, a));
+    let depth = vec3(dot(params.view_forward, a), dot(params.view_forward, b), dot(params.view_forward, c));
+    drawn.depth = vec2(max(min(depth.x, min(depth.y, depth.z)), 0.0), max(depth.x, max(depth.y, depth.z)));
+    return drawn;
+}
+
 /// A corner where it was before it was raised.
 fn lowered(corner: vec4<f32>) -> vec3<f32> {
     return corner.xyz - vec3(0.0, 0.0, corner.w);
@@ -130,10 +165,10 @@ fn lowered(corner: vec4<f32>) -> vec3<f32> {
 
 /// Parameter of the hit of a pixel's ray, which is its depth. Depth is linear on a triangle: its corners bound the answer,
 /// also where the rasterizer drew a pixel just beside it and its plane is seen all but edge-on.
-fn hit(ray: vec3<f32>, drawn: Drawn) -> f32 {
-    let steep = dot(drawn.plane.xyz, ray);
-    let t = select(drawn.plane.w / steep, drawn.depth.x, steep == 0.0);
-    return clamp(t, drawn.depth.x, drawn.depth.y);
+fn hit(ray: vec3<f32>, plane: vec4<f32>, depth: vec2<f32>) -> f32 {
+    let steep = dot(plane.xyz, ray);
+    let t = select(plane.w / steep, depth.x, steep == 0.0);
+    return clamp(t, depth.x, depth.y);
 }
 
 fn is_outside(cells: vec2<f32>) -> bool {
@@ -185,13 +220,27 @@ fn proven(ray: vec3<f32>, raised: f32, drawn: Drawn) -> vec2<f32> {
     return select(vec2(t, 0.0), vec2(start, min(1.0 - params.threshold_px / most_px, LARGEST_ERROR)), is_over);
 }
 
+struct Kept {
+    @location(0) distance: u32,
+    @builtin(frag_depth) depth: f32,
+}
+
+/// The mesh ends at the terrain's border by itself. Triangles that are seen edge-on are thinner than the grid that corners are moved
+/// to: a rasterizer's own depth can be far behind all of their corners there, and what is behind the triangle would be seen.
+@fragment
+fn keep_list(drawn: Listed) -> Kept {
+    let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
+    let t = hit(ray, drawn.plane, drawn.depth);
+    return Kept(bitcast<u32>(t * length(ray)), min(params.near_m / t, 1.0));
+}
+
 @fragment
 fn keep(drawn: Drawn) -> @location(0) u32 {
     if is_air(drawn.cells) {
         return 0u;
     }
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
-    return bitcast<u32>(hit(ray, drawn) * length(ray));
+    return bitcast<u32>(hit(ray, drawn.plane, drawn.depth) * length(ray));
 }
 
 @fragment
@@ -200,7 +249,7 @@ fn keep_error(drawn: Drawn) -> @location(0) vec2<u32> {
         return vec2(0u);
     }
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
-    var seen = vec2(hit(ray, drawn), drawn.error);
+    var seen = vec2(hit(ray, drawn.plane, drawn.depth), drawn.error);
     if PROVEN {
         seen = proven(ray, seen.x, drawn);
     }

@@ -14,7 +14,7 @@ use crate::experiment::sweep::Setting;
 use crate::experiment::{Cell, Experiment, StageCall};
 use crate::gpu::Gpu;
 use crate::kernel::Elem;
-use crate::plan::{Chain, Demand, Plan, SceneData};
+use crate::plan::{Capacities, Chain, Demand, Plan, SceneData};
 use crate::report::html::Pictures;
 use crate::report::records::{self, Identity, Record, Store};
 use crate::report::{html, pareto};
@@ -152,7 +152,15 @@ fn measured(cell: &Cell, chain: &Chain) -> Result<Vec<String>, Diagnostic> {
             outputs.push(name.to_string());
         }
     }
-    if cell.wants("Mesh") && chain.has("vertex") {
+    if cell.wants("Mesh") && chain.has("triangle") {
+        let dims = chain.buffer(chain.read("triangle")?).dims.clone();
+        chain.read_as("triangle", Elem::Vec4U32, &dims)?;
+        chain.read_as("triangle_count", Elem::U32, &[4])?;
+        // its pinholes are seen in what was drawn of it
+        let distance = chain.has("distance") && !outputs.contains(&"distance".to_string());
+        outputs.extend(distance.then(|| "distance".to_string()));
+        outputs.extend(["triangle_count", "triangle"].map(str::to_string));
+    } else if cell.wants("Mesh") && chain.has("vertex") {
         chain.read_grid("vertex", Elem::Vec4F32)?;
         outputs.push("vertex".into());
     }
@@ -165,8 +173,13 @@ fn measured(cell: &Cell, chain: &Chain) -> Result<Vec<String>, Diagnostic> {
 
 /// Plans a cell for what it measures and what is to be dumped.
 pub fn plan(prepared: &Prepared, options: &Options) -> Result<Plan, Diagnostic> {
+    plan_with(prepared, options, &Capacities::new())
+}
+
+/// The same after lists have turned out to be too short.
+fn plan_with(prepared: &Prepared, options: &Options, capacities: &Capacities) -> Result<Plan, Diagnostic> {
     let Prepared { cell, stages, data } = prepared;
-    let mut chain = Chain::new(&cell.chain, data, &cell.scene_node.origin);
+    let mut chain = Chain::new(&cell.chain, data, &cell.scene_node.origin).with_capacities(capacities.clone());
     for (index, (stage, call)) in stages.iter().zip(&cell.stages).enumerate() {
         let later = stages.iter().map(AsRef::as_ref).zip(&cell.stages).skip(index + 1);
         let makes = |(stage, call): (&dyn Stage, &StageCall)| {
@@ -310,8 +323,8 @@ impl Sweep<'_> {
         Ok(())
     }
 
-    fn run_cell(&self, at: usize, truth: Option<&mut Truth>) -> Result<(), Diagnostic> {
-        let (prepared, plan, identity) = (&self.prepared[at], &self.plans[at], &self.identities[at]);
+    fn run_cell(&self, at: usize, mut truth: Option<&mut Truth>) -> Result<(), Diagnostic> {
+        let (prepared, identity) = (&self.prepared[at], &self.identities[at]);
         let hash = identity.hash();
         let reason = match self.store.finished(&hash) {
             Some(_) if !self.options.dump.is_empty() => "dump asked for".into(),
@@ -320,16 +333,32 @@ impl Sweep<'_> {
         };
         let label = cell_label(&prepared.cell);
         (self.tell)(Event::CellStarted { label: label.clone(), reason });
-        let context = cell::Context {
-            gpu: self.gpu,
-            prepared,
-            plan,
-            store: self.store,
-            hash: &hash,
-            options: self.options,
-            tell: self.tell,
+        let mut plan = self.plans[at].clone();
+        let mut capacities = Capacities::new();
+        let results = loop {
+            let context = cell::Context {
+                gpu: self.gpu,
+                prepared,
+                plan: &plan,
+                store: self.store,
+                hash: &hash,
+                options: self.options,
+                tell: self.tell,
+            };
+            match cell::run(&context, truth.as_deref_mut())? {
+                cell::Ended::Done(results) => break *results,
+                cell::Ended::Overflowed { list, capacity, needed } => {
+                    let larger = needed.saturating_add(needed / 4);
+                    (self.tell)(Event::Warning(format!(
+                        "the list `{list}` holds {capacity} elements and needed {needed}: again with {larger}"
+                    )));
+                    capacities.insert(list, larger);
+                    plan = plan_with(prepared, self.options, &capacities)?;
+                    self.gpu.check_plan(&plan)?;
+                }
+            }
         };
-        let results = cell::run(&context, truth)?;
+        let plan = &plan;
         for warning in &results.warnings {
             (self.tell)(Event::Warning(warning.clone()));
         }

@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::memory::{DEPTH, Place, colour, make_buffer, make_buffers, upload};
 use super::{Gpu, GpuError};
 use crate::kernel::{BindingKind, Entry, Field, FieldKind, Kernel, Structure};
-use crate::plan::{BufferId, Often, Plan, SceneData, Step, Value, Work};
+use crate::plan::{BufferId, Often, Plan, SceneData, Step, Value, Vertices, Work};
 
 /// GPU time of one step; `None` if the adapter's stamps are missing or contradict the clock.
 #[derive(Clone, Debug, PartialEq)]
@@ -191,7 +191,14 @@ impl<'a> Executor<'a> {
                 });
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, &prepared.bind_group, offset.as_slice());
-                pass.draw(0..*vertices, 0..1);
+                match vertices {
+                    Vertices::Strip(vertices) => pass.draw(0..*vertices, 0..1),
+                    Vertices::List(id) => {
+                        if let Some(count) = self.buffers[id.0].as_ref().and_then(Place::array) {
+                            pass.draw_indirect(count, 0);
+                        }
+                    }
+                }
             }
             _ => {}
         }
@@ -466,7 +473,7 @@ fn make_pipeline(
     constants: &[(&str, f64)],
 ) -> Pipeline {
     let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-    let Work::Draw { fragment, target, .. } = &step.work else {
+    let Work::Draw { fragment, target, vertices } = &step.work else {
         return Pipeline::Compute(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(&step.label),
             layout: Some(layout),
@@ -485,7 +492,13 @@ fn make_pipeline(
             compilation_options: compilation_options.clone(),
             buffers: &[],
         },
-        primitive: wgpu::PrimitiveState { topology: wgpu::PrimitiveTopology::TriangleStrip, ..Default::default() },
+        primitive: wgpu::PrimitiveState {
+            topology: match vertices {
+                Vertices::Strip(_) => wgpu::PrimitiveTopology::TriangleStrip,
+                Vertices::List(_) => wgpu::PrimitiveTopology::TriangleList,
+            },
+            ..Default::default()
+        },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH,
             depth_write_enabled: Some(true),

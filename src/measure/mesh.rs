@@ -1,9 +1,10 @@
 //! What can be said of a mesh by looking at its vertices: triangles, cracks, folds, the largest cell.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, UVec2};
 
-use super::Measured;
+use super::{Measured, pinholes};
 use crate::camera::Camera;
+use crate::terrain::HeightField;
 
 /// A mesh as it is drawn: three corners a triangle, each with its own position.
 #[derive(Clone, Debug, Default)]
@@ -78,19 +79,98 @@ pub fn largest_px(mesh: &Triangles, camera: &Camera) -> Option<f64> {
     mesh.corners.iter().filter_map(longest).reduce(f64::max)
 }
 
+/// A list of triangles between samples of the terrain, as `TriangleSplitting` leaves it.
+#[derive(Clone, Debug, Default)]
+pub struct Listed {
+    /// Column and row of each corner. Equal ones are one point: a corner's position is computed from nothing else.
+    pub corners: Vec<[UVec2; 3]>,
+}
+
+impl Listed {
+    /// From three packed samples a triangle; `vertices` is how many corners were drawn.
+    pub fn new(keys: &[[u32; 4]], vertices: u32) -> Self {
+        let sample = |key: u32| UVec2::new(key & 0xffff, key >> 16);
+        let corners = keys.iter().take(vertices as usize / 3).map(|&[a, b, c, _]| [a, b, c].map(sample));
+        Self { corners: corners.collect() }
+    }
+
+    /// With their positions relative to the eye.
+    pub fn placed(&self, terrain: &HeightField, camera: &Camera) -> Triangles {
+        let place = |sample: UVec2| {
+            let ground = DVec2::new(sample.x.into(), f64::from(terrain.size.y - 1 - sample.y)) * terrain.cell_m;
+            let point = ground.extend(terrain.height_m(sample.x, sample.y).into()) - camera.eye_m;
+            point.as_vec3().to_array()
+        };
+        let corners = self.corners.iter().map(|corners| corners.map(place)).collect();
+        Triangles { corners, border: Vec::new() }
+    }
+
+    /// Edges along which two triangles meet that do not share both ends, so that a ray can pass between them, and edges with
+    /// more than two triangles. Where the picture ends there are edges with one triangle, and that is no crack: there is nothing
+    /// on their other side.
+    pub fn cracks(&self) -> usize {
+        let key = |sample: UVec2| (sample.x, sample.y);
+        let directed = self.corners.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+        let mut edges: Vec<((u32, u32), (u32, u32), bool)> = directed
+            .filter(|(a, b)| a != b)
+            .map(|(a, b)| if key(a) <= key(b) { (key(a), key(b), true) } else { (key(b), key(a), false) })
+            .collect();
+        edges.sort_unstable();
+        let mut cracks = 0;
+        // edges with a triangle on one side only, by the line they are on: upright or not, where, from, to, which side
+        let mut open: Vec<(bool, u32, u32, u32, bool)> = Vec::new();
+        for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let ((ax, ay), (bx, by), side) = same[0];
+            match same {
+                [_] if ax == bx => open.push((true, ax, ay, by, side)),
+                [_] if ay == by => open.push((false, ay, ax, bx, side)),
+                [first, second] if first.2 != second.2 => {}
+                // two on one side, or an open edge across a block
+                _ => cracks += 1,
+            }
+        }
+        open.sort_unstable();
+        for line in open.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let mut reached = [0, 0];
+            for &(_, _, from, to, side) in line {
+                // the other side has an edge that ends after this one begins
+                cracks += usize::from(reached[usize::from(!side)] > from);
+                let own = &mut reached[usize::from(side)];
+                *own = (*own).max(to);
+            }
+        }
+        cracks
+    }
+}
+
 /// Over the frames: the most triangles, the sum of cracks and folds, the largest cell.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Summary {
     triangles: usize,
     cracks: usize,
+    pinholes: Option<usize>,
     folds: usize,
     largest_px: Option<f64>,
 }
 
 impl Summary {
     pub fn add(&mut self, mesh: &Triangles, camera: &Camera) {
-        self.triangles = self.triangles.max(mesh.corners.len());
         self.cracks += cracks(mesh);
+        self.add_uncracked(mesh, camera);
+    }
+
+    /// A list of triangles, and what was drawn of it: distances along the pixels' rays, if they are known.
+    pub fn add_list(&mut self, list: &Listed, terrain: &HeightField, camera: &Camera, drawn_m: Option<&[f32]>) {
+        let mesh = list.placed(terrain, camera);
+        self.cracks += list.cracks();
+        if let Some(drawn_m) = drawn_m {
+            *self.pinholes.get_or_insert_default() += pinholes::count(&mesh, camera, drawn_m);
+        }
+        self.add_uncracked(&mesh, camera);
+    }
+
+    fn add_uncracked(&mut self, mesh: &Triangles, camera: &Camera) {
+        self.triangles = self.triangles.max(mesh.corners.len());
         self.folds += folds(mesh);
         self.largest_px = match (self.largest_px, largest_px(mesh, camera)) {
             (Some(a), Some(b)) => Some(a.max(b)),
@@ -99,11 +179,15 @@ impl Summary {
     }
 
     pub fn measures(&self) -> Vec<Measured> {
-        vec![
+        let mut measures = vec![
             Measured::new("triangles", self.triangles as f64, ""),
             Measured::new("cracks", self.cracks as f64, "edges"),
             Measured::new("folded", self.folds as f64, "triangles"),
             Measured::new("largest_cell", self.largest_px, "px"),
-        ]
+        ];
+        if let Some(pinholes) = self.pinholes {
+            measures.push(Measured::new("pinholes", pinholes as f64, "pixels"));
+        }
+        measures
     }
 }

@@ -3,6 +3,7 @@
 pub mod error_buffer;
 pub mod image;
 pub mod mesh;
+pub mod pinholes;
 pub mod screen_error;
 pub mod time;
 

@@ -10,7 +10,8 @@ pub fn assign(plan: &mut Plan, keep_everything: bool) {
     for (index, lifetime) in lifetimes.into_iter().enumerate() {
         let buffer = &mut plan.buffers[index];
         buffer.lifetime = lifetime;
-        if lifetime.is_some() && buffer.often == Often::EveryFrame && buffer.storage == Storage::Buffer {
+        let shares = buffer.often == Often::EveryFrame && buffer.storage == Storage::Buffer && !buffer.kept;
+        if lifetime.is_some() && shares {
             order.push(index);
         }
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, UVec2};
 
-use super::{Buffer, BufferId, LeftOut, Often, Plan, Series, Step, Storage, Value, Work};
+use super::{Buffer, BufferId, Capacities, Guard, LeftOut, Often, Plan, Series, Step, Storage, Value, Vertices, Work};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::experiment::scene::Scene;
@@ -92,6 +92,8 @@ pub struct Chain<'a> {
     left_out: Vec<LeftOut>,
     /// What was promised of which buffers: vertices, and what was drawn of them.
     promises: Vec<(Promise, BufferId)>,
+    guards: Vec<Guard>,
+    capacities: Capacities,
     stage: String,
     stage_index: usize,
     origin: Origin,
@@ -114,6 +116,7 @@ impl<'a> Chain<'a> {
             often: Often::Once,
             lifetime: None,
             slot: None,
+            kept: false,
         };
         Self {
             data,
@@ -122,6 +125,8 @@ impl<'a> Chain<'a> {
             steps: Vec::new(),
             left_out: Vec::new(),
             promises: Vec::new(),
+            guards: Vec::new(),
+            capacities: Capacities::new(),
             stage: String::new(),
             stage_index: 0,
             origin: origin.clone(),
@@ -209,8 +214,32 @@ impl<'a> Chain<'a> {
             often: Often::EveryFrame,
             lifetime: None,
             slot: None,
+            kept: false,
         });
         BufferId(self.buffers.len() - 1)
+    }
+
+    /// A buffer in which the next frame finds what this one left; zeros in the first.
+    pub fn make_kept(&mut self, name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> BufferId {
+        let id = self.make(name, elem, dims, unit, meaning);
+        self.buffers[id.0].kept = true;
+        id
+    }
+
+    /// Lists that overflowed before this plan was made.
+    pub fn with_capacities(mut self, capacities: Capacities) -> Self {
+        self.capacities = capacities;
+        self
+    }
+
+    /// How long a list is made: as long as asked for, or as it turned out to need.
+    pub fn capacity(&self, list: &str, asked_for: u32) -> u32 {
+        self.capacities.get(list).copied().unwrap_or(asked_for)
+    }
+
+    /// Says where the GPU leaves how long a list of `capacity` elements had to be.
+    pub fn guard(&mut self, list: &str, capacity: u32, needed: BufferId, at: usize) {
+        self.guards.push(Guard { list: list.into(), capacity, needed, at });
     }
 
     /// Distances along the pixel's ray in metres, negative where there is no surface.
@@ -296,6 +325,7 @@ impl<'a> Chain<'a> {
             outputs: Vec::new(),
             frames: self.data.cameras.len(),
             promise,
+            guards: self.guards,
         })
     }
 }
@@ -407,7 +437,17 @@ impl<'a> StepBuilder<'_, 'a> {
     }
 
     /// Draws one strip of triangles and keeps the nearest fragments.
-    pub fn draw_strip(mut self, vertices: u32, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
+    pub fn draw_strip(self, vertices: u32, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
+        self.draw(Vertices::Strip(vertices), target, fragment)
+    }
+
+    /// Draws as many triangles as the buffer says (see [`Vertices::List`]).
+    pub fn draw_list(mut self, count: BufferId, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
+        self.step.reads.push(count);
+        self.draw(Vertices::List(count), target, fragment)
+    }
+
+    fn draw(mut self, vertices: Vertices, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
         self.step.work = Work::Draw { vertices, target, fragment: fragment.into() };
         self.step.writes.push(target);
         self.push()

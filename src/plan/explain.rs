@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Buffer, Often, Plan, Storage, Work};
+use super::{Buffer, Often, Plan, Storage, Vertices, Work};
 
 /// What runs, on what, and what was left out and why.
 pub fn explain(plan: &Plan) -> String {
@@ -23,7 +23,10 @@ fn write_plan(plan: &Plan, out: &mut String) -> std::fmt::Result {
             let work = match &step.work {
                 Work::Groups([x, y, z]) => format!("{x} x {y} x {z} workgroups"),
                 Work::Indirect(id) => format!("workgroups from `{}`", plan.buffer(*id).name),
-                Work::Draw { vertices, .. } => format!("{} triangles", vertices / 3),
+                Work::Draw { vertices: Vertices::Strip(vertices), .. } => format!("{} triangles", vertices / 3),
+                Work::Draw { vertices: Vertices::List(id), .. } => {
+                    format!("triangles from `{}`", plan.buffer(*id).name)
+                }
             };
             writeln!(out, "    {:<14} {:<22} {work}", step.stage, step.label)?;
         }

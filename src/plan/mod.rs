@@ -55,6 +55,8 @@ pub struct Buffer {
     pub lifetime: Option<(usize, usize)>,
     /// Which block of transient memory it lives in; only buffers made every frame share memory.
     pub slot: Option<usize>,
+    /// The next frame, or who looks between frames, finds what this one left.
+    pub kept: bool,
 }
 
 impl Buffer {
@@ -98,9 +100,30 @@ pub enum Work {
     Groups([u32; 3]),
     /// Compute, with the number of workgroups in a buffer of three u32.
     Indirect(BufferId),
-    /// A strip of triangles from `vertices` vertices that the vertex shader pulls from buffers.
-    Draw { vertices: u32, target: BufferId, fragment: String },
+    /// Triangles of vertices that the vertex shader pulls from buffers.
+    Draw { vertices: Vertices, target: BufferId, fragment: String },
 }
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Vertices {
+    /// One strip of so many.
+    Strip(u32),
+    /// Three a triangle, as many as the first of four u32 in a buffer says: vertices, instances, first vertex, first instance.
+    List(BufferId),
+}
+
+/// A list whose length only the GPU knows, and where it says how long it wanted to be. Checked between frames.
+#[derive(Clone, Debug)]
+pub struct Guard {
+    pub list: String,
+    pub capacity: u32,
+    pub needed: BufferId,
+    /// Which u32 of the buffer.
+    pub at: usize,
+}
+
+/// Lists that were made longer than their stages asked for, after they overflowed.
+pub type Capacities = std::collections::BTreeMap<String, u32>;
 
 /// One dispatch or one draw.
 #[derive(Clone, Debug)]
@@ -137,8 +160,8 @@ impl Step {
                 let size = self.kernel.entry(&self.entry).map_or([1; 3], |entry| entry.workgroup_size);
                 groups.iter().zip(size).map(|(&groups, size)| u64::from(groups) * u64::from(size)).product()
             }
-            Work::Draw { vertices, .. } => vertices.into(),
-            Work::Indirect(_) => 0,
+            Work::Draw { vertices: Vertices::Strip(vertices), .. } => vertices.into(),
+            Work::Indirect(_) | Work::Draw { vertices: Vertices::List(_), .. } => 0,
         }
     }
 }
@@ -166,6 +189,7 @@ pub struct Plan {
     pub frames: usize,
     /// How far off the picture may be, by the method's own word.
     pub promise: Option<Promise>,
+    pub guards: Vec<Guard>,
 }
 
 /// What a plan is made for.
@@ -220,6 +244,12 @@ impl Plan {
             }
         }
         (array, image)
+    }
+
+    /// Whether a frame starts from what another one left.
+    pub fn remembers(&self) -> bool {
+        let touched = |id: BufferId| self.buffer(id).kept && self.guards.iter().all(|guard| guard.needed != id);
+        (0..self.buffers.len()).any(|at| touched(BufferId(at)) && self.lives(BufferId(at)))
     }
 
     /// Whether a buffer has memory: something that is left writes or reads it.

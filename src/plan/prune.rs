@@ -28,10 +28,13 @@ pub fn classify(plan: &mut Plan) {
 /// Drops the steps that nothing wanted depends on.
 pub fn prune(plan: &mut Plan) {
     let mut wanted = plan.outputs.clone();
+    // the steps of the frame before are those that come after
+    while let Some(id) = remembered(plan, &wanted) {
+        wanted.push(id);
+    }
     let mut kept = Vec::new();
     for step in std::mem::take(&mut plan.steps).into_iter().rev() {
-        let needed = step.writes.iter().chain(step.optional.iter().map(|(_, id, _)| id)).any(|id| wanted.contains(id));
-        if needed {
+        if is_needed(&step, &wanted) {
             wanted.extend(&step.reads);
             kept.push(step);
             continue;
@@ -51,6 +54,21 @@ pub fn prune(plan: &mut Plan) {
     }
     kept.reverse();
     plan.steps = kept;
+}
+
+fn is_needed(step: &super::Step, wanted: &[BufferId]) -> bool {
+    step.writes.iter().chain(step.optional.iter().map(|(_, id, _)| id)).any(|id| wanted.contains(id))
+}
+
+/// A buffer kept from frame to frame that something wanted touches, but that is not wanted yet.
+fn remembered(plan: &Plan, wanted: &[BufferId]) -> Option<BufferId> {
+    let mut reached = wanted.to_vec();
+    for step in plan.steps.iter().rev() {
+        if is_needed(step, &reached) {
+            reached.extend(step.bindings.iter().map(|(_, id)| *id));
+        }
+    }
+    reached.into_iter().find(|id| plan.buffers[id.0].kept && !wanted.contains(id))
 }
 
 /// Switches off the optional outputs that nobody wants; the others become ordinary bindings.

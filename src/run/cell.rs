@@ -35,13 +35,39 @@ pub fn picture_name(hash: &str, kind: &str) -> String {
     format!("pictures/{hash}_{kind}.png")
 }
 
-pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Results, Diagnostic> {
+/// How the run of a cell ended.
+pub enum Ended {
+    Done(Box<Results>),
+    /// A list was too short in some frame, and nothing of this run counts.
+    Overflowed {
+        list: String,
+        capacity: u32,
+        needed: u32,
+    },
+}
+
+/// The first list that the frame which was just drawn needed longer.
+fn overflow(executor: &Executor, plan: &Plan) -> Result<Option<Ended>, Diagnostic> {
+    for guard in &plan.guards {
+        let needed: Vec<u32> = bytemuck::pod_collect_to_vec(&executor.read(guard.needed)?);
+        let needed = needed.get(guard.at).copied().unwrap_or(0);
+        if needed > guard.capacity {
+            return Ok(Some(Ended::Overflowed { list: guard.list.clone(), capacity: guard.capacity, needed }));
+        }
+    }
+    Ok(None)
+}
+
+pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Diagnostic> {
     let Context { gpu, prepared, plan, .. } = context;
     let executor = Executor::new(gpu, plan, &prepared.data)?;
     let once = executor.setup()?;
     let mut tally = Tally::new(context);
     for frame in 0..plan.frames {
         executor.frame(frame)?;
+        if let Some(overflowed) = overflow(&executor, plan)? {
+            return Ok(overflowed);
+        }
         tally.frame(&executor, frame, truth.as_deref_mut())?;
         (context.tell)(Event::Frame { done: frame + 1, of: plan.frames });
     }
@@ -50,13 +76,7 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Results, 
     for frame in 0..warmup {
         executor.frame(frame as usize % plan.frames)?;
     }
-    let (mut frames, mut by_steps) = (Vec::new(), Vec::new());
-    for frame in (0..repeats).flat_map(|_| 0..plan.frames) {
-        frames.push(executor.frame(frame)?);
-        if !gpu.summary.timestamps {
-            by_steps.push(executor.frame_by_steps(frame)?);
-        }
-    }
+    let (frames, by_steps) = timed(context, &executor, repeats)?;
     let mut warnings = Vec::new();
     let timings = if gpu.summary.timestamps {
         timings(plan, &executor, &once, &frames, &frames)
@@ -65,7 +85,37 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Results, 
         timings(plan, &executor, &executor.setup_by_steps()?, &frames, &by_steps)
     };
     let (measures, buffers) = tally.finish();
-    Ok(Results { measures, timings, buffers, warnings })
+    Ok(Ended::Done(Box::new(Results { measures, timings, buffers, warnings })))
+}
+
+/// The path as often as asked for, in whole frames and, where nothing better tells, in steps. Each frame is looked at both ways at
+/// once, so that the clock treats them alike; unless a frame starts from what the last one left, which must not be itself.
+fn timed(
+    context: &Context,
+    executor: &Executor,
+    repeats: u32,
+) -> Result<(Vec<SubmissionTime>, Vec<SubmissionTime>), Diagnostic> {
+    let (mut frames, mut by_steps) = (Vec::new(), Vec::new());
+    let needs_steps = !context.gpu.summary.timestamps;
+    let path = 0..context.plan.frames;
+    for _ in 0..repeats {
+        if context.plan.remembers() {
+            for frame in path.clone() {
+                frames.push(executor.frame(frame)?);
+            }
+            for frame in path.clone().filter(|_| needs_steps) {
+                by_steps.push(executor.frame_by_steps(frame)?);
+            }
+            continue;
+        }
+        for frame in path.clone() {
+            frames.push(executor.frame(frame)?);
+            if needs_steps {
+                by_steps.push(executor.frame_by_steps(frame)?);
+            }
+        }
+    }
+    Ok((frames, by_steps))
 }
 
 /// Frames before the first that counts, and how often the path is timed.
@@ -87,6 +137,8 @@ struct Tally<'c, 'a> {
     equal_pictures: bool,
     ssim: Vec<f64>,
     hashers: Vec<blake3::Hasher>,
+    /// Corners of the list of triangles that was drawn in this frame.
+    drawn_vertices: u32,
 }
 
 impl<'c, 'a> Tally<'c, 'a> {
@@ -100,6 +152,7 @@ impl<'c, 'a> Tally<'c, 'a> {
             equal_pictures: false,
             ssim: Vec::new(),
             hashers: vec![blake3::Hasher::new(); context.plan.outputs.len()],
+            drawn_vertices: 0,
         }
     }
 
@@ -107,14 +160,25 @@ impl<'c, 'a> Tally<'c, 'a> {
     fn frame(&mut self, executor: &Executor, frame: usize, truth: Option<&mut Truth>) -> Result<(), Diagnostic> {
         let plan = self.context.plan;
         let truth = truth.map(|truth| truth.frame(frame)).transpose()?;
+        let (mut list, mut drawn_m) = (None, None);
         for (at, &id) in plan.outputs.iter().enumerate() {
             let buffer = plan.buffer(id);
-            let bytes = executor.read(id)?;
+            let mut bytes = executor.read(id)?;
+            if buffer.name == "triangle" {
+                // past the list's end there is anything
+                bytes.truncate(self.drawn_vertices as usize / 3 * 16);
+            }
             self.hashers[at].update(&bytes);
             let first = frame == 0 || buffer.often == Often::EveryFrame && buffer.storage != Storage::Input;
             if first && self.context.options.dump.contains(&buffer.name) {
                 let name = format!("dumps/{}/{}_{frame:04}.npy", self.context.hash, buffer.name);
                 self.context.store.write(&name, &dump::npy(buffer, &bytes)?)?;
+            }
+            match buffer.name.as_str() {
+                "triangle" => list = Some(bytemuck::pod_collect_to_vec(&bytes)),
+                "triangle_count" => self.drawn_vertices = bytemuck::pod_collect_to_vec(&bytes)[0],
+                "distance" => drawn_m = Some(bytemuck::pod_collect_to_vec(&bytes)),
+                _ => {}
             }
             match (buffer.name.as_str(), &truth) {
                 ("distance", Some(truth)) => self.distance(frame, &bytemuck::pod_collect_to_vec(&bytes), truth)?,
@@ -124,6 +188,11 @@ impl<'c, 'a> Tally<'c, 'a> {
                 ("vertex", _) => self.vertices(frame, &bytemuck::pod_collect_to_vec(&bytes), buffer.dims[1] as usize),
                 _ => {}
             }
+        }
+        if let Some(list) = list {
+            let data = &self.context.prepared.data;
+            let list = mesh::Listed::new(&list, self.drawn_vertices);
+            self.mesh.add_list(&list, &data.terrain, &data.cameras[frame], drawn_m.as_deref());
         }
         Ok(())
     }

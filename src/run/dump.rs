@@ -8,6 +8,9 @@ use crate::plan::Buffer;
 
 pub fn npy(buffer: &Buffer, bytes: &[u8]) -> Result<Vec<u8>, Diagnostic> {
     let mut shape: Vec<u64> = buffer.dims.iter().map(|&side| side.into()).collect();
+    // of a list there may be less than its buffer holds
+    let row = shape[1..].iter().product::<u64>() * buffer.elem.bytes();
+    shape[0] = bytes.len() as u64 / row.max(1);
     if buffer.elem.components() > 1 {
         shape.push(buffer.elem.components().into());
     }

@@ -13,8 +13,11 @@ mod projector;
 mod rasterize;
 mod ray_cast;
 mod ray_fill;
+mod roughness;
 mod scan;
 mod shade;
+mod triangle_splitting;
+mod vertex_splitting;
 mod view_grid;
 mod warp;
 
@@ -68,6 +71,9 @@ pub const REGISTRY: &[Info] = &[
     warp::INFO,
     project::INFO,
     grid_error::INFO,
+    roughness::INFO,
+    vertex_splitting::INFO,
+    triangle_splitting::INFO,
     rasterize::INFO,
     ray_cast::INFO,
     lead_rays::INFO,

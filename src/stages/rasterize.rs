@@ -9,6 +9,7 @@ use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
+use crate::plan::chain::StepBuilder;
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {
@@ -30,88 +31,62 @@ pub struct Rasterize {}
 /// Nothing nearer than this is drawn, in metres along the view direction.
 const NEAR_M: f32 = 0.1;
 
+/// The same for a list of triangles between samples, on which an eye can stand.
+const NEAR_LIST_M: f32 = 1e-3;
+
+/// A step with what all of them set.
+fn step<'c, 'a>(
+    chain: &'c mut Chain<'a>,
+    label: &str,
+    entry: &str,
+    threshold_px: f64,
+) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+    let kernel = Kernel::built_in("rasterize.wgsl")?;
+    let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
+    let step = chain.step(label, &kernel, entry).set_camera().set_terrain();
+    Ok(step
+        .set("threshold_px", threshold_px as f32)
+        .set("snap_px", super::grid_error::SNAP_PX)
+        .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
+        .set_per_frame("view_right", axis(|camera| camera.world_from_view.x_axis))
+        .set_per_frame("view_up", axis(|camera| camera.world_from_view.y_axis))
+        .set_per_frame("view_forward", axis(|camera| camera.world_from_view.z_axis))
+        .set_per_frame("half_tan", |camera| camera.half_tan.as_vec2().to_array()))
+}
+
+/// Draws the triangles of a list, as many as the GPU has counted.
+fn plan_list(chain: &mut Chain) -> Result<(), Diagnostic> {
+    let size = chain.data.terrain.size;
+    let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+    let triangles = chain.read("triangle")?;
+    let triangles = chain.read_as("triangle", Elem::Vec4U32, &chain.buffer(triangles).dims.clone())?;
+    let count = chain.read_as("triangle_count", Elem::U32, &[4])?;
+    let meaning = "distance of the nearest triangle as the bits of an f32; 0 is none";
+    let drawn = chain.make_target("drawn", Elem::U32, meaning);
+    let distance = chain.make_distance();
+    if let Some(promise) = chain.promise_of(triangles) {
+        chain.promise(promise, distance);
+    }
+    let draw = step(chain, "draw", "draw_list", 0.0)?.set("grid", [0u32; 2]).set("near_m", NEAR_LIST_M);
+    draw.bind("triangle", triangles).bind("height", height).draw_list(count, drawn, "keep_list")?;
+    let (width, tall) = chain.data.scene.viewport;
+    let resolve = step(chain, "resolve", "resolve", 0.0)?.set("grid", [0u32; 2]).set("near_m", NEAR_LIST_M);
+    resolve.bind("drawn", drawn).bind("distance", distance).over(UVec2::new(width, tall))
+}
+
 impl Stage for Rasterize {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let (vertices, size) = chain.read_grid("vertex", Elem::Vec4F32)?;
-        let corners = (2 * u64::from(size.x) + 2) * u64::from(size.y - 1);
-        let Ok(corners) = u32::try_from(corners) else {
-            return Err(Diagnostic::input(format!(
-                "a mesh of {} x {} vertices has too many triangles to draw",
-                size.x, size.y
-            ))
-            .at(chain.origin(), "this stage"));
-        };
-        let promise = chain.promise_of(vertices);
-        let proven = promise.is_some_and(|promise| promise.proven);
-        let bounds =
-            if proven { chain.read_as("cell_bound", Elem::Vec4F32, &[size.y - 1, size.x - 1])? } else { vertices };
-        let (elem, meaning) = match promise {
-            None => (Elem::U32, "distance of the nearest triangle as the bits of an f32; 0 is none"),
-            Some(_) => (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none"),
-        };
-        let led = proven && chain.has("clear_until") && !chain.data.sees_underside;
-        let tiles = if led { Some(Traversed::known_tiles(chain)?) } else { None };
-        let drawn = chain.make_target("drawn", elem, meaning);
-        let distance = chain.make_distance();
-        let kernel = Kernel::built_in("rasterize.wgsl")?;
-        let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
-        let (width, tall) = chain.data.scene.viewport;
-        let error = promise.map(|_| {
-            chain.make(
-                "error",
-                Elem::F32,
-                &[tall, width],
-                "",
-                "normalised error of what is drawn; 0 is within the threshold",
-            )
-        });
-        for (promise, buffer) in promise.into_iter().flat_map(|promise| [Some(distance), error].map(|id| (promise, id)))
-        {
-            if let Some(buffer) = buffer {
-                chain.promise(promise, buffer);
-            }
-        }
-        let entries = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
-        for (label, entry) in [("draw", "draw"), ("resolve", entries.1)] {
-            let sees_underside = chain.data.sees_underside;
-            let step = chain
-                .step(label, &kernel, entry)
-                .constant("PROVEN", f64::from(proven))
-                .constant("LED", f64::from(tiles.is_some()))
-                .constant("DISCARD", f64::from(sees_underside))
-                .set_camera()
-                .set_terrain()
-                .set("grid", size.to_array())
-                .set("near_m", NEAR_M)
-                .set("threshold_px", promise.map_or(0.0, |promise| promise.bound_px as f32))
-                .set("snap_px", super::grid_error::SNAP_PX)
-                .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
-                .set_per_frame("view_right", axis(|camera| camera.world_from_view.x_axis))
-                .set_per_frame("view_up", axis(|camera| camera.world_from_view.y_axis))
-                .set_per_frame("view_forward", axis(|camera| camera.world_from_view.z_axis))
-                .set_per_frame("half_tan", |camera| camera.half_tan.as_vec2().to_array());
-            if label == "draw" {
-                step.bind("vertex", vertices).bind("cell_bound", bounds).draw_strip(corners, drawn, entries.0)?;
-                continue;
-            }
-            let step = step.bind("drawn", drawn).bind("distance", distance);
-            match error {
-                Some(error) => {
-                    let step = step.bind("error", error);
-                    let step = match tiles {
-                        Some(tiles) => step.bind("clear_until", tiles),
-                        None => step.leave_unbound("clear_until"),
-                    };
-                    step.over(UVec2::new(width, tall))?
-                }
-                None => step.over(UVec2::new(width, tall))?,
-            }
-        }
-        Ok(())
+        // of a grid and a list, the one that was made last
+        let is_list =
+            chain.has("triangle") && (!chain.has("vertex") || chain.read("triangle")? > chain.read("vertex")?);
+        if is_list { plan_list(chain) } else { plan_grid(chain) }
     }
 
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
-        let mesh = Mesh::of(&buffers.get("vertex"), &buffers.get("cell_bound"));
+        let mesh = match buffers.contains("triangle_count") {
+            true => Mesh::of_list(frame, &buffers.get("triangle"), &buffers.get("triangle_count")),
+            false => Mesh::of_grid(&buffers.get("vertex"), &buffers.get("cell_bound")),
+        };
         // how far a grid was raised is known to an interval only: what it covers then hangs on that
         let is_loose = mesh.is_proven() && mesh.bounds_m.iter().any(|&bound_m| bound_m > 1e-3);
         let threshold_px = buffers.get(THRESHOLD).value.first().copied();
@@ -119,6 +94,9 @@ impl Stage for Rasterize {
         let clear_until = buffers.contains("clear_until").then(|| buffers.get("clear_until"));
         let seen = |y: u32, x: u32| {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            if mesh.is_open {
+                return ((f64::NAN, f64::INFINITY), (f64::NAN, 0.0));
+            }
             let hit = mesh.nearest(frame, pixel);
             let Some(threshold_px) = threshold_px else { return (hit.distance, (f64::NAN, 0.0)) };
             if is_loose {
@@ -152,6 +130,71 @@ impl Stage for Rasterize {
     }
 }
 
+fn plan_grid(chain: &mut Chain) -> Result<(), Diagnostic> {
+    let (vertices, size) = chain.read_grid("vertex", Elem::Vec4F32)?;
+    let corners = (2 * u64::from(size.x) + 2) * u64::from(size.y - 1);
+    let Ok(corners) = u32::try_from(corners) else {
+        return Err(Diagnostic::input(format!(
+            "a mesh of {} x {} vertices has too many triangles to draw",
+            size.x, size.y
+        ))
+        .at(chain.origin(), "this stage"));
+    };
+    let promise = chain.promise_of(vertices);
+    let proven = promise.is_some_and(|promise| promise.proven);
+    let bounds = if proven { chain.read_as("cell_bound", Elem::Vec4F32, &[size.y - 1, size.x - 1])? } else { vertices };
+    let (elem, meaning) = match promise {
+        None => (Elem::U32, "distance of the nearest triangle as the bits of an f32; 0 is none"),
+        Some(_) => (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none"),
+    };
+    let led = proven && chain.has("clear_until") && !chain.data.sees_underside;
+    let tiles = if led { Some(Traversed::known_tiles(chain)?) } else { None };
+    let drawn = chain.make_target("drawn", elem, meaning);
+    let distance = chain.make_distance();
+    let (width, tall) = chain.data.scene.viewport;
+    let error = promise.map(|_| {
+        chain.make(
+            "error",
+            Elem::F32,
+            &[tall, width],
+            "",
+            "normalised error of what is drawn; 0 is within the threshold",
+        )
+    });
+    for (promise, buffer) in promise.into_iter().flat_map(|promise| [Some(distance), error].map(|id| (promise, id))) {
+        if let Some(buffer) = buffer {
+            chain.promise(promise, buffer);
+        }
+    }
+    let entries = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
+    for (label, entry) in [("draw", "draw"), ("resolve", entries.1)] {
+        let sees_underside = chain.data.sees_underside;
+        let step = step(chain, label, entry, promise.map_or(0.0, |promise| promise.bound_px))?
+            .constant("PROVEN", f64::from(proven))
+            .constant("LED", f64::from(tiles.is_some()))
+            .constant("DISCARD", f64::from(sees_underside))
+            .set("grid", size.to_array())
+            .set("near_m", NEAR_M);
+        if label == "draw" {
+            step.bind("vertex", vertices).bind("cell_bound", bounds).draw_strip(corners, drawn, entries.0)?;
+            continue;
+        }
+        let step = step.bind("drawn", drawn).bind("distance", distance);
+        match error {
+            Some(error) => {
+                let step = step.bind("error", error);
+                let step = match tiles {
+                    Some(tiles) => step.bind("clear_until", tiles),
+                    None => step.leave_unbound("clear_until"),
+                };
+                step.over(UVec2::new(width, tall))?
+            }
+            None => step.over(UVec2::new(width, tall))?,
+        }
+    }
+    Ok(())
+}
+
 /// How far the rasterizer may move an edge: it snaps corners to a grid of at least 1/16 of a pixel (Vulkan's
 /// smallest `subPixelPrecisionBits` is 4), so a corner moves by up to half the diagonal of that.
 const SNAP_PX: f64 = 0.7072 / 16.0;
@@ -164,6 +207,11 @@ struct Mesh {
     carried: Vec<[f64; 3]>,
     /// Lowest and highest of surface minus the plane that was raised; empty for a mesh that is not proven.
     found_m: Vec<(f64, f64)>,
+    near_m: f64,
+    /// At the terrain's border.
+    is_cut: bool,
+    /// Which triangles there are hangs on a decision.
+    is_open: bool,
 }
 
 /// What a pixel sees of a mesh.
@@ -174,7 +222,30 @@ struct Hit {
 }
 
 impl Mesh {
-    fn of(vertices: &Values, cell_bounds: &Values) -> Self {
+    fn of_list(frame: &Frame, keys: &Values, count: &Values) -> Self {
+        let terrain = &frame.data.terrain;
+        let corner = |key: f64| {
+            let (column, row) = (key as u32 & 0xffff, key as u32 >> 16);
+            let ground = DVec2::new(column.into(), f64::from(terrain.size.y - 1 - row)) * terrain.cell_m;
+            ground.extend(terrain.height_m(column, row).into()) - frame.camera.eye_m
+        };
+        let listed = count.value[0] as usize / 3;
+        let triangles: Vec<[DVec3; 3]> = keys
+            .value
+            .chunks_exact(4)
+            .take(listed)
+            .map(|keys| [corner(keys[0]), corner(keys[1]), corner(keys[2])])
+            .collect();
+        // a difference, a fraction and a product for the ground, two differences for the height
+        let off =
+            |corners: &[DVec3; 3]| 4.0 * EPSILON * corners.iter().map(|corner| corner.length()).fold(0.0, f64::max);
+        let bounds_m = triangles.iter().map(off).collect();
+        let carried = vec![[0.0; 3]; triangles.len()];
+        let is_open = count.bound[0].is_infinite();
+        Self { triangles, bounds_m, carried, found_m: Vec::new(), near_m: NEAR_LIST_M.into(), is_cut: false, is_open }
+    }
+
+    fn of_grid(vertices: &Values, cell_bounds: &Values) -> Self {
         let (rows, columns) = (vertices.dims[0], vertices.dims[1]);
         let at = |x: u32, y: u32| 4 * (y * columns + x) as usize;
         let point = |x, y| DVec3::from_slice(&vertices.value[at(x, y)..]);
@@ -190,7 +261,7 @@ impl Mesh {
             }
         }
         let found_m = cell_bounds.value.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect();
-        Self { triangles, bounds_m, carried, found_m }
+        Self { triangles, bounds_m, carried, found_m, near_m: NEAR_M.into(), is_cut: true, is_open: false }
     }
 
     fn is_proven(&self) -> bool {
@@ -223,7 +294,7 @@ impl Mesh {
             let depths = [a, b, c].map(|corner| corner.dot(camera.forward()));
             let (near, far) = depths.iter().fold((f64::MAX, 0.0f64), |(low, high), &z| (low.min(z), high.max(z)));
             let t = (normal.dot(a) / steep).max(near.max(0.0)).min(far);
-            let in_front = t * camera.forward().dot(ray) > f64::from(NEAR_M);
+            let in_front = t * camera.forward().dot(ray) > self.near_m;
             if !in_front || steep == 0.0 {
                 continue;
             }
@@ -235,7 +306,7 @@ impl Mesh {
             // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
             let along = normal.length() * length / steep.abs();
             let border_off = off + SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);
-            let border = border_margin_m(frame, ray * t);
+            let border = if self.is_cut { border_margin_m(frame, ray * t) } else { f64::INFINITY };
             if border < -border_off {
                 continue;
             }

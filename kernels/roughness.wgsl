@@ -1,0 +1,249 @@
+//!include lib/terrain.wgsl
+//!include lib/pyramid.wgsl
+//!include lib/block.wgsl
+// How far the surface is from a block's triangles, for every block of the quadtree: by the paper's five heights of a block
+// (Lee, Shin 2011, Eq. 3), or as a bound over everything that the block's triangles can be drawn instead of.
+
+struct Params {
+    /// Columns and rows of samples.
+    size: vec2<u32>,
+    level: u32,
+    /// Layout of the pyramid.
+    stride: u32,
+    tall: u32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> height: array<f32>;
+@group(0) @binding(2) var<storage, read_write> roughness: array<f32>;
+/// For each block of a level: how far the samples on its north, west, south and east edge are from a straight line.
+@group(0) @binding(3) var<storage, read_write> edge_off: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> edge_off_in: array<vec4<f32>>;
+/// The largest distance over a tile of samples, for each tile.
+@group(0) @binding(5) var<storage, read_write> tile_off: array<f32>;
+@group(0) @binding(6) var<storage, read> tile_off_in: array<f32>;
+
+/// Cells a side of a tile, as a power of two.
+const TILE_LEVEL: u32 = 4u;
+/// What rounding adds to a distance, as a part of the largest height difference in it: eight roundings of half a digit.
+const ROUNDING: f32 = 5.0e-7;
+
+fn base() -> vec2<u32> {
+    return params.size - 1u;
+}
+
+fn height_at(x: u32, y: u32) -> f32 {
+    return height[y * params.size.x + x];
+}
+
+/// The largest of the four blocks under a block; 0 under the finest.
+fn largest_below(at: vec2<u32>) -> f32 {
+    var largest = 0.0;
+    if params.level > 1u {
+        let below = level_size(base(), params.level - 1u);
+        for (var i = 0u; i < 4u; i++) {
+            let child = min(2u * at + vec2(i & 1u, i >> 1u), below - 1u);
+            largest = max(largest, roughness[pyramid_index(params.stride, params.tall, params.level - 1u, child)]);
+        }
+    }
+    return largest;
+}
+
+fn put(at: vec2<u32>, value: f32) {
+    roughness[pyramid_index(params.stride, params.tall, params.level, at)] = value;
+}
+
+/// Height in the middle of an edge against the line between its ends, `t` of the way along it.
+fn off_line(middle: f32, a: f32, b: f32, t: f32) -> f32 {
+    return abs((middle - a) - (b - a) * t);
+}
+
+/// The largest of the five errors of a block, and at least twice that of the blocks below.
+@compute @workgroup_size(8, 8)
+fn nested(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= level_size(base(), params.level)) {
+        return;
+    }
+    let block = block_of(params.level, id.xy, base());
+    let low = block.low;
+    let mid = block.middle;
+    let high = block.high;
+    let t = vec2<f32>(mid - low) / vec2<f32>(high - low);
+    let nw = height_at(low.x, low.y);
+    let ne = height_at(high.x, low.y);
+    let sw = height_at(low.x, high.y);
+    let se = height_at(high.x, high.y);
+    let edges = max(max(off_line(height_at(mid.x, low.y), nw, ne, t.x), off_line(height_at(mid.x, high.y), sw, se, t.x)),
+                    max(off_line(height_at(low.x, mid.y), nw, sw, t.y), off_line(height_at(high.x, mid.y), ne, se, t.y)));
+    // the block's own two triangles meet on the diagonal of the surface's
+    let upper = (ne - nw) * t.x + (sw - nw) * t.y;
+    let lower = (se - nw) + (sw - se) * (1.0 - t.x) + (ne - se) * (1.0 - t.y);
+    let centre = abs((height_at(mid.x, mid.y) - nw) - select(lower, upper, t.x + t.y <= 1.0));
+    put(id.xy, max(max(edges, centre), 2.0 * largest_below(id.xy)));
+}
+
+/// The largest distance of a row or column of samples from the line between its ends.
+fn off_edge(start: vec2<u32>, step: vec2<u32>, cells: u32) -> f32 {
+    let first = height_at(start.x, start.y);
+    let end = start + step * cells;
+    let rise = height_at(end.x, end.y) - first;
+    var off = 0.0;
+    var largest = abs(rise);
+    for (var i = 1u; i < cells; i++) {
+        let place = start + step * i;
+        let own = height_at(place.x, place.y) - first;
+        off = max(off, abs(own - rise * (f32(i) / f32(cells))));
+        largest = max(largest, abs(own));
+    }
+    return off + select(0.0, ROUNDING * largest, off > 0.0);
+}
+
+@compute @workgroup_size(8, 8)
+fn edges(@builtin(global_invocation_id) id: vec3<u32>) {
+    let blocks = level_size(base(), params.level);
+    if any(id.xy >= blocks) {
+        return;
+    }
+    let block = block_of(params.level, id.xy, base());
+    let side = block.high - block.low;
+    edge_off[id.y * blocks.x + id.x] = vec4(
+        off_edge(block.low, vec2(1u, 0u), side.x),
+        off_edge(block.low, vec2(0u, 1u), side.y),
+        off_edge(vec2(block.low.x, block.high.y), vec2(1u, 0u), side.x),
+        off_edge(vec2(block.high.x, block.low.y), vec2(0u, 1u), side.y),
+    );
+}
+
+/// Heights of a block's centre (first) and, relative to it, its corners: north-west, north-east, south-west, south-east.
+struct Fan {
+    centre_m: f32,
+    corners: vec4<f32>,
+}
+
+/// A place on the four triangles around a block's centre.
+struct Place {
+    /// Above the centre, in metres.
+    height_m: f32,
+    /// How far from the centre (0) to the edge (1) it is, times how far that edge may be drawn from its line.
+    edge_off: f32,
+}
+
+/// `offset` is in cells from the block's centre; the fan's triangles are apart where the two shares are equal.
+fn on_fan(block: Block, fan: Fan, off: vec4<f32>, offset: vec2<f32>) -> Place {
+    let near = vec2<f32>(block.middle - block.low);
+    let far = vec2<f32>(block.high - block.middle);
+    let reach = select(far, near, offset < vec2(0.0));
+    let share = select(abs(offset) / reach, vec2(0.0), reach == vec2(0.0));
+    let c = fan.corners;
+    // the ends of the edge: to the north or south if that share is larger
+    let upright = select(vec2(c.z, c.w), vec2(c.x, c.y), offset.y < 0.0);
+    let sideways = select(vec2(c.y, c.w), vec2(c.x, c.z), offset.x < 0.0);
+    let is_upright = share.y >= share.x;
+    let ends = select(sideways, upright, is_upright);
+    let along = select(offset.y, offset.x, is_upright);
+    let before = select(near.y, near.x, is_upright);
+    let after = select(far.y, far.x, is_upright);
+    let part = max(share.x, share.y);
+    let weights = vec2(after * part - along, before * part + along) / (before + after);
+    let off_upright = select(off.z, off.x, offset.y < 0.0);
+    let off_sideways = select(off.w, off.y, offset.x < 0.0);
+    let own = select(off_sideways, off_upright, is_upright);
+    // on a ridge of the fan both edges count, whichever side rounding puts it on
+    let is_ridge = abs(share.x - share.y) < 1.0e-6;
+    return Place(dot(ends, weights), part * select(own, max(off_upright, off_sideways), is_ridge));
+}
+
+fn is_clamped(block: Block) -> bool {
+    return any(block.high - block.low != vec2(1u << params.level));
+}
+
+/// Largest difference between the slopes of the fan's triangles, in metres a cell, each counted by its steepest direction: between
+/// the samples of a cell that a ridge of the fan crosses, the surface can be off by that times half the cell's diagonal.
+fn ridges(block: Block, fan: Fan) -> f32 {
+    let near = vec2<f32>(block.middle - block.low);
+    let far = vec2<f32>(block.high - block.middle);
+    let c = fan.corners;
+    let width = near.x + far.x;
+    let tall = near.y + far.y;
+    let along_x = vec2(c.y - c.x, c.w - c.z) / width;
+    let along_y = vec2(c.z - c.x, c.w - c.y) / tall;
+    // height of each edge's line over against the centre, and how steep the fan is towards it
+    let north = -(c.x + along_x.x * near.x) / near.y;
+    let west = -(c.x + along_y.x * near.y) / near.x;
+    let south = (c.z + along_x.y * near.x) / max(far.y, 1.0);
+    let east = (c.y + along_y.y * near.y) / max(far.x, 1.0);
+    let slopes = array<vec2<f32>, 4>(vec2(along_x.x, north), vec2(west, along_y.x), vec2(along_x.y, south), vec2(east, along_y.y));
+    let is_there = vec4(true, true, far.y > 0.0, far.x > 0.0);
+    var most = 0.0;
+    for (var i = 0u; i < 4u; i++) {
+        for (var j = 0u; j < i; j++) {
+            most = max(most, select(0.0, length(slopes[i] - slopes[j]), is_there[i] && is_there[j]));
+        }
+    }
+    return most;
+}
+
+/// The largest distance between the surface and anything a block can be drawn as, over one tile of its samples. Surface minus
+/// fan is linear between samples and where the fan's own ridges cross cells; what finer neighbours change along an edge, they
+/// change less towards the centre.
+@compute @workgroup_size(8, 8)
+fn tiles(@builtin(global_invocation_id) id: vec3<u32>) {
+    let tile_level = min(params.level, TILE_LEVEL);
+    let tiles_of = level_size(base(), tile_level);
+    if any(id.xy >= tiles_of) {
+        return;
+    }
+    let at = id.xy >> vec2(params.level - tile_level);
+    let block = block_of(params.level, at, base());
+    let nw = height_at(block.low.x, block.low.y);
+    let ne = height_at(block.high.x, block.low.y);
+    let sw = height_at(block.low.x, block.high.y);
+    let se = height_at(block.high.x, block.high.y);
+    let centre_m = height_at(block.middle.x, block.middle.y);
+    let fan = Fan(centre_m, vec4(nw, ne, sw, se) - centre_m);
+    let off = edge_off_in[at.y * level_size(base(), params.level).x + at.x];
+    let low = id.xy << vec2(tile_level);
+    let high = min(low + (1u << tile_level), base());
+    var worst = 0.0;
+    var largest = max(max(abs(fan.corners.x), abs(fan.corners.y)), max(abs(fan.corners.z), abs(fan.corners.w)));
+    let clamped = is_clamped(block);
+    for (var y = low.y; y <= high.y; y++) {
+        for (var x = low.x; x <= high.x; x++) {
+            let offset = vec2<f32>(vec2<i32>(vec2(x, y)) - vec2<i32>(block.middle));
+            let place = on_fan(block, fan, off, offset);
+            let own = height_at(x, y) - centre_m;
+            largest = max(largest, abs(own));
+            worst = max(worst, abs(own - place.height_m) + place.edge_off);
+            // the ridge from north-west to south-east crosses the surface's diagonals in the middle of its cells
+            if !clamped && offset.x == offset.y && x < high.x && y < high.y {
+                let middle = on_fan(block, fan, off, offset + 0.5);
+                let surface = 0.5 * ((height_at(x + 1u, y) - centre_m) + (height_at(x, y + 1u) - centre_m));
+                worst = max(worst, abs(surface - middle.height_m) + middle.edge_off);
+            }
+        }
+    }
+    if clamped {
+        worst += 0.7072 * ridges(block, fan);
+    }
+    tile_off[id.y * tiles_of.x + id.x] = worst + select(0.0, ROUNDING * largest, worst > 0.0);
+}
+
+/// The largest of a block's tiles and of the blocks below.
+@compute @workgroup_size(8, 8)
+fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= level_size(base(), params.level)) {
+        return;
+    }
+    let tile_level = min(params.level, TILE_LEVEL);
+    let tiles_of = level_size(base(), tile_level);
+    let side = 1u << (params.level - tile_level);
+    let low = id.xy * side;
+    let high = min(low + side, tiles_of);
+    var worst = largest_below(id.xy);
+    for (var y = low.y; y < high.y; y++) {
+        for (var x = low.x; x < high.x; x++) {
+            worst = max(worst, tile_off_in[y * tiles_of.x + x]);
+        }
+    }
+    put(id.xy, worst);
+}

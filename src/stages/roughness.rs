@@ -1,0 +1,266 @@
+use glam::{DVec2, UVec2};
+use rayon::prelude::*;
+use serde::Deserialize;
+
+use super::height_pyramid::{Layout, bounds_layout};
+use super::{EPSILON, Info, Stage};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::scene::Surface;
+use crate::kernel::{Elem, Kernel};
+use crate::plan::chain::StepBuilder;
+use crate::plan::{Chain, Promise};
+use crate::reference::{Buffers, Frame, Values};
+
+pub const INFO: Info = Info {
+    name: "Roughness",
+    summary: "for every block of the quadtree, how far the surface is from the block's triangles",
+    formula: "Paper: s(block) = max(five errors of the block, 2 s(blocks below)); Proven: s = max |surface - mesh| over all samples",
+    source: "Lee, Shin 2011, section 2.1, Eq. 3 and Fig. 2; Proven is ours",
+    reads: &["height"],
+    writes: &["roughness"],
+    kernels: &["roughness.wgsl"],
+    params: &[("error", "Paper", "Paper: the nested five errors; Proven: a bound, for surfaces of triangles")],
+    read: |node, _| super::read_params::<Roughness>(node),
+};
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+enum Error {
+    #[default]
+    Paper,
+    Proven,
+}
+
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Roughness {
+    error: Error,
+}
+
+/// The reference chain's word that its roughness is a bound.
+pub(super) const IS_BOUND: &str = "roughness is a bound";
+
+/// Cells a side of a tile of samples, as a power of two; `TILE_LEVEL` of the kernel.
+const TILE_LEVEL: u32 = 4;
+
+/// A step for one level.
+fn step<'c, 'a>(chain: &'c mut Chain<'a>, entry: &str, level: u32) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+    let kernel = Kernel::built_in("roughness.wgsl")?;
+    let size = chain.data.terrain.size;
+    let layout = bounds_layout(size);
+    Ok(chain
+        .step(&format!("{entry} {level}"), &kernel, entry)
+        .set("size", size.to_array())
+        .set("level", level)
+        .set("stride", layout.stride)
+        .set("tall", layout.tall))
+}
+
+impl Stage for Roughness {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let size = chain.data.terrain.size;
+        let layout = bounds_layout(size);
+        let proven = self.error == Error::Proven;
+        if proven && chain.data.scene.surface != Surface::Triangles {
+            return Err(Diagnostic::input(
+                "a mesh of triangles cannot keep to bilinear patches by more than it has cells",
+            )
+            .at(chain.origin(), "this stage promises a bound")
+            .help("`error: Paper`, or `surface: Triangles` in the scene"));
+        }
+        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        let meaning = "largest distance of the surface from a block's triangles";
+        let roughness = chain.make("roughness", Elem::F32, &layout.dims(), "m", meaning);
+        // what it is worth is for those who read it: as a bound it has no size of its own
+        chain.promise(Promise { bound_px: f64::INFINITY, proven }, roughness);
+        let finest = layout.size(1).element_product();
+        let largest_tiles = layout.size(TILE_LEVEL.min(layout.top)).max(layout.size(1)).element_product();
+        let mut edges_and_tiles = None;
+        if proven {
+            let edges =
+                chain.make("edge_off", Elem::Vec4F32, &[finest], "m", "samples on each edge of a block from its line");
+            let tiles =
+                chain.make("tile_off", Elem::F32, &[largest_tiles], "m", "surface from a block's triangles, by tiles");
+            edges_and_tiles = Some((edges, tiles));
+        }
+        for level in 1..=layout.top {
+            let blocks = layout.size(level);
+            let Some((edges, tiles)) = edges_and_tiles else {
+                step(chain, "nested", level)?.bind("height", height).bind("roughness", roughness).over(blocks)?;
+                continue;
+            };
+            step(chain, "edges", level)?.bind("height", height).bind("edge_off", edges).over(blocks)?;
+            let step_tiles =
+                step(chain, "tiles", level)?.bind("height", height).bind("edge_off_in", edges).bind("tile_off", tiles);
+            step_tiles.over(layout.size(level.min(TILE_LEVEL)))?;
+            step(chain, "gather", level)?.bind("tile_off_in", tiles).bind("roughness", roughness).over(blocks)?;
+        }
+        Ok(())
+    }
+
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
+        let height = buffers.get("height");
+        let layout = bounds_layout(frame.data.terrain.size);
+        let mut roughness = Values::missing(&layout.dims(), 1);
+        for level in 1..=layout.top {
+            let nodes = layout.size(level);
+            let own: Vec<(f64, f64)> = (0..nodes.element_product())
+                .into_par_iter()
+                .map(|at| {
+                    let block = Block::new(&height, level, UVec2::new(at % nodes.x, at / nodes.x));
+                    match self.error {
+                        Error::Paper => block.five_errors(),
+                        Error::Proven => block.most(),
+                    }
+                })
+                .collect();
+            for (at, (mut value, mut bound)) in own.into_iter().enumerate() {
+                let at = UVec2::new(at as u32 % nodes.x, at as u32 / nodes.x);
+                let factor = if self.error == Error::Paper { 2.0 } else { 1.0 };
+                for child in children(layout, level, at) {
+                    value = value.max(factor * roughness.value[child]);
+                    bound = bound.max(factor * roughness.bound[child]);
+                }
+                roughness.set(layout.index(level, at.x, at.y), value, bound);
+            }
+        }
+        buffers.put("roughness", roughness);
+        if self.error == Error::Proven {
+            buffers.put(IS_BOUND, Values::missing(&[0], 1));
+        }
+    }
+}
+
+/// Places of the blocks below a block.
+fn children(layout: Layout, level: u32, at: UVec2) -> Vec<usize> {
+    if level == 1 {
+        return Vec::new();
+    }
+    let below = layout.size(level - 1);
+    let all = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| at * 2 + UVec2::new(x, y));
+    all.into_iter()
+        .filter(|child| child.cmplt(below).all())
+        .map(|child| layout.index(level - 1, child.x, child.y))
+        .collect()
+}
+
+/// A block with its heights, for the formulas as they are written.
+struct Block<'a> {
+    height: &'a Values,
+    low: UVec2,
+    middle: UVec2,
+    high: UVec2,
+}
+
+impl<'a> Block<'a> {
+    fn new(height: &'a Values, level: u32, at: UVec2) -> Self {
+        let last = UVec2::new(height.dims[1], height.dims[0]) - 1;
+        let low = at << level;
+        Self { height, low, middle: (low + (1 << level) / 2).min(last), high: (low + (1 << level)).min(last) }
+    }
+
+    fn at(&self, x: u32, y: u32) -> f64 {
+        self.height.value[(y * self.height.dims[1] + x) as usize]
+    }
+
+    /// Largest difference of two heights in the block: what all roundings are a part of.
+    fn relief(&self) -> f64 {
+        let heights = (self.low.y..=self.high.y).flat_map(|y| (self.low.x..=self.high.x).map(move |x| self.at(x, y)));
+        let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), height| (low.min(height), high.max(height)));
+        high - low
+    }
+
+    /// The centre against the diagonal, the middle of each edge against its ends.
+    fn five_errors(&self) -> (f64, f64) {
+        let (low, mid, high) = (self.low, self.middle, self.high);
+        let [nw, ne, sw, se] =
+            [self.at(low.x, low.y), self.at(high.x, low.y), self.at(low.x, high.y), self.at(high.x, high.y)];
+        let t = (mid - low).as_dvec2() / (high - low).as_dvec2();
+        let line = |a: f64, b: f64, t: f64| a + (b - a) * t;
+        let centre = match t.x + t.y <= 1.0 {
+            true => nw + (ne - nw) * t.x + (sw - nw) * t.y,
+            false => se + (sw - se) * (1.0 - t.x) + (ne - se) * (1.0 - t.y),
+        };
+        let errors = [
+            self.at(mid.x, mid.y) - centre,
+            self.at(mid.x, low.y) - line(nw, ne, t.x),
+            self.at(mid.x, high.y) - line(sw, se, t.x),
+            self.at(low.x, mid.y) - line(nw, sw, t.y),
+            self.at(high.x, mid.y) - line(ne, se, t.y),
+        ];
+        let largest = errors.into_iter().fold(0.0, |largest: f64, error| largest.max(error.abs()));
+        // up to six differences and products of heights of the block
+        (largest, 12.0 * EPSILON * self.relief() * 4.0)
+    }
+
+    /// The bound over all samples. Between them the surface is flat but for the fan's own ridges: on the one across the surface's
+    /// diagonals the crossings are looked at as well, and a block that the border cut has half a cell's diagonal of its ridges.
+    fn most(&self) -> (f64, f64) {
+        let (low, high) = (self.low, self.high);
+        let edge = |from: UVec2, to: UVec2| {
+            let cells = (to - from).max_element();
+            let step = (to - from) / cells.max(1);
+            let (a, b) = (self.at(from.x, from.y), self.at(to.x, to.y));
+            let off = |i: u32| {
+                let place = from + step * i;
+                (self.at(place.x, place.y) - a - (b - a) * f64::from(i) / f64::from(cells)).abs()
+            };
+            (0..cells).map(off).fold(0.0, f64::max)
+        };
+        let (ne, sw) = (UVec2::new(high.x, low.y), UVec2::new(low.x, high.y));
+        let fan =
+            [(low, ne), (sw, high), (low, sw), (ne, high)].map(|(from, to)| self.triangle(from, to, edge(from, to)));
+        let there: Vec<&Triangle> = fan.iter().flatten().collect();
+        let mut most: f64 = 0.0;
+        let is_whole = high - low == UVec2::splat((self.middle.x - low.x) * 2);
+        for (x, y) in (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (x, y))) {
+            let place = DVec2::new(x.into(), y.into());
+            most = most.max(worst_at(&there, place, self.at(x, y)));
+            let is_ridge = x + self.middle.y == y + self.middle.x && x < high.x && y < high.y;
+            if is_whole && is_ridge {
+                most = most.max(worst_at(&there, place + 0.5, 0.5 * (self.at(x + 1, y) + self.at(x, y + 1))));
+            }
+        }
+        if !is_whole {
+            let pairs = there.iter().flat_map(|a| there.iter().map(move |b| a.slope.distance(b.slope)));
+            most += 0.7072 * pairs.fold(0.0, f64::max);
+        }
+        // what the kernel adds for its own roundings, and those
+        (most, 2e-6 * (self.relief() + most))
+    }
+
+    /// The triangle between the centre and an edge, if it has an area.
+    fn triangle(&self, from: UVec2, to: UVec2, edge_off: f64) -> Option<Triangle> {
+        let point = |p: UVec2| p.as_dvec2().extend(self.at(p.x, p.y));
+        let (c, a, b) = (point(self.middle), point(from), point(to));
+        let normal = (a - c).cross(b - c);
+        (normal.z != 0.0).then(|| Triangle {
+            centre: c.truncate(),
+            centre_m: c.z,
+            slope: -normal.truncate() / normal.z,
+            ends: [a.truncate() - c.truncate(), b.truncate() - c.truncate()],
+            edge_off,
+        })
+    }
+}
+
+struct Triangle {
+    centre: DVec2,
+    centre_m: f64,
+    slope: DVec2,
+    ends: [DVec2; 2],
+    edge_off: f64,
+}
+
+/// Largest distance at a place, over the triangles that it is in.
+fn worst_at(fan: &[&Triangle], place: DVec2, surface_m: f64) -> f64 {
+    let off = |triangle: &&Triangle| {
+        let offset = place - triangle.centre;
+        let [a, b] = triangle.ends;
+        let area = a.perp_dot(b);
+        let (u, v) = (offset.perp_dot(b) / area, a.perp_dot(offset) / area);
+        let is_inside = u >= -1e-9 && v >= -1e-9 && u + v <= 1.0 + 1e-9;
+        let off_m = (surface_m - triangle.centre_m - triangle.slope.dot(offset)).abs();
+        if is_inside { off_m + (u + v) * triangle.edge_off } else { 0.0 }
+    };
+    fan.iter().map(off).fold(0.0, f64::max)
+}

@@ -1,0 +1,573 @@
+use glam::{DVec2, DVec3, UVec2};
+use serde::Deserialize;
+
+use super::height_pyramid::{Layout, bounds_layout};
+use super::{Info, Stage};
+use crate::camera::Camera;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::kernel::{Elem, Kernel};
+use crate::plan::chain::StepBuilder;
+use crate::plan::{BufferId, Chain, Promise};
+use crate::reference::{Buffers, Frame, Values};
+
+pub const INFO: Info = Info {
+    name: "VertexSplitting",
+    summary: "the quadtree's blocks that are fine enough for this view: a vertex a block, split round by round",
+    formula: "split if the eye is in the block's sphere and s > 0, or if max_k |project(v_k) - project(v_k + s z)| >= threshold",
+    source: "Lee, Shin 2011, sections 2.1 (Eq. 2), 2.3 and 3; Proven and LastFrame are ours",
+    reads: &["height", "height_min", "height_max", "roughness"],
+    writes: &["leaf", "leaf_count", "split"],
+    kernels: &["vertex_splitting.wgsl"],
+    params: &[
+        ("threshold_px", "1", "the error that a block may have; a roughness that is a bound makes it a promise"),
+        (
+            "start",
+            "Root",
+            "Root: from the root in every frame; LastFrame: from the tree of the frame before, to the same leaves",
+        ),
+        ("cull", "true", "drop blocks outside the picture"),
+        ("carry_flag", "true", "a vertex that is a leaf is looked at once; without, in every round that follows"),
+        ("carry_size", "true", "a vertex knows the size of its block; without, it is found from its place"),
+        ("capacity", "131072", "elements of the lists at first; one that overflows is made larger between frames"),
+    ],
+    read: |node, _| {
+        let stage: VertexSplitting = node.parse_fields()?;
+        let refuse = |field: &str, message: &str, expected: &str| {
+            let place = node.field(field).unwrap_or(node);
+            Err(Diagnostic::input(message).at(&place.origin, expected))
+        };
+        if !(0.0..=1e9).contains(&stage.threshold_px) {
+            return refuse("threshold_px", "the threshold is no number of pixels", "expected 0 or more");
+        }
+        if !(1..=1 << 26).contains(&stage.capacity) {
+            return refuse("capacity", "no list can have that many elements", "expected 1 to 67108864");
+        }
+        Ok(Box::new(stage))
+    },
+};
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+enum Start {
+    #[default]
+    Root,
+    LastFrame,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VertexSplitting {
+    threshold_px: f64,
+    start: Start,
+    cull: bool,
+    carry_flag: bool,
+    carry_size: bool,
+    capacity: u32,
+}
+
+impl Default for VertexSplitting {
+    fn default() -> Self {
+        Self {
+            threshold_px: 1.0,
+            start: Start::Root,
+            cull: true,
+            carry_flag: true,
+            carry_size: true,
+            capacity: 1 << 17,
+        }
+    }
+}
+
+/// Threads of a workgroup; `GROUP` of the kernel.
+const GROUP: u32 = 64;
+
+/// The buffers of the stage, and what its steps have in common.
+struct Lists {
+    inputs: [BufferId; 4],
+    live: [BufferId; 2],
+    choice: BufferId,
+    wanted: BufferId,
+    place: BufferId,
+    leaf: BufferId,
+    leaf_count: BufferId,
+    split: BufferId,
+    needed: BufferId,
+    tree: Option<Tree>,
+    capacities: [u32; 3],
+    layout: Layout,
+    proven: bool,
+}
+
+/// What is kept from frame to frame.
+struct Tree {
+    nodes: BufferId,
+    count: BufferId,
+    work: BufferId,
+    nodes_out: BufferId,
+    count_out: BufferId,
+    open: BufferId,
+    seen: BufferId,
+}
+
+impl Lists {
+    fn make(stage: &VertexSplitting, chain: &mut Chain) -> Result<Self, Diagnostic> {
+        let size = chain.data.terrain.size;
+        let layout = bounds_layout(size);
+        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        let pyramid = |name| chain.read_as(name, Elem::F32, &layout.dims());
+        let inputs = [height, pyramid("height_min")?, pyramid("height_max")?, pyramid("roughness")?];
+        let proven = chain.promise_of(inputs[3]).is_some_and(|promise| promise.proven);
+        let needed = chain.make_kept(
+            "splitting_needed",
+            Elem::U32,
+            &[4],
+            "",
+            "longest lists of leaves, vertices, tree; did one overflow",
+        );
+        let keeps = stage.start == Start::LastFrame;
+        let lists = ["leaf", "live", "tree"].map(|list| {
+            // whole workgroups write what they found, past the list's end as well
+            chain.capacity(list, stage.capacity).next_multiple_of(GROUP)
+        });
+        for (at, list) in ["leaf", "live", "tree"].into_iter().enumerate().take(if keeps { 3 } else { 2 }) {
+            chain.guard(list, lists[at], needed, at);
+        }
+        let [leaves, live, nodes] = lists;
+        let visited = if keeps { live.max(nodes) } else { live };
+        let vertices = "centre of a block in half cells, 16 bits each; flag and level";
+        let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
+        let tree = keeps.then(|| Tree {
+            nodes: chain.make_kept(
+                "tree",
+                Elem::Vec2U32,
+                &[nodes],
+                "",
+                "all nodes of the quadtree in the frame before",
+            ),
+            count: chain.make_kept("tree_count", Elem::U32, &[1], "", "how many"),
+            work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            nodes_out: chain.make("tree_now", Elem::Vec2U32, &[nodes], "", "all nodes of the quadtree"),
+            count_out: chain.make("tree_now_count", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            open: chain.make("open", Elem::U32, &[words], "", "a bit for each block that is rough"),
+            seen: chain.make("seen", Elem::U32, &[nodes], "", "what becomes of each node of the frame before"),
+        });
+        Ok(Self {
+            inputs,
+            live: ["live_a", "live_b"].map(|name| chain.make(name, Elem::Vec2U32, &[live], "", vertices)),
+            choice: chain.make(
+                "choice",
+                Elem::U32,
+                &[visited],
+                "",
+                "what becomes of each vertex, and what those before append",
+            ),
+            wanted: chain.make("wanted", Elem::Vec4U32, &[visited / GROUP], "", "what each workgroup appends"),
+            place: chain.make("place", Elem::Vec4U32, &[visited / GROUP], "", "where each workgroup appends"),
+            leaf: chain.make("leaf", Elem::Vec2U32, &[leaves], "", vertices),
+            leaf_count: chain.make("leaf_count", Elem::U32, &[4], "", "workgroups along x, y, z; how many leaves"),
+            split: chain.make("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
+            needed,
+            tree,
+            capacities: lists,
+            layout,
+            proven,
+        })
+    }
+}
+
+impl VertexSplitting {
+    fn step<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        label: &str,
+        entry: &str,
+        round: u32,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let kernel = Kernel::built_in("vertex_splitting.wgsl")?;
+        let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
+        let side = |number: usize| move |camera: &Camera| sides(camera)[number].as_vec3().to_array();
+        let [leaves, live, nodes] = lists.capacities;
+        Ok(chain
+            .step(label, &kernel, entry)
+            .constant("PROVEN", f64::from(lists.proven))
+            .constant("CULL", f64::from(self.cull))
+            .constant("CARRY_FLAG", f64::from(self.carry_flag))
+            .constant("CARRY_SIZE", f64::from(self.carry_size))
+            .constant("KEEP", f64::from(lists.tree.is_some()))
+            .set_terrain()
+            .set("stride", lists.layout.stride)
+            .set("tall", lists.layout.tall)
+            .set("top", lists.layout.top)
+            .set("is_last", u32::from(round + 1 == lists.layout.top))
+            .set("live_capacity", live)
+            .set("leaf_capacity", leaves)
+            .set("tree_capacity", nodes)
+            .set("threshold_px", self.threshold_px as f32)
+            .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
+            .set_per_frame("view_right", axis(|camera| camera.world_from_view.x_axis))
+            .set_per_frame("view_up", axis(|camera| camera.world_from_view.y_axis))
+            .set_per_frame("view_forward", axis(|camera| camera.world_from_view.z_axis))
+            .set_per_frame("side_left", side(0))
+            .set_per_frame("side_right", side(1))
+            .set_per_frame("side_top", side(2))
+            .set_per_frame("side_bottom", side(3))
+            .set_per_frame("ray_most", |camera| most_of(camera, |ray| ray.length()) as f32)
+            .set_per_frame("tilt_most", |camera| {
+                most_of(camera, |ray| (ray * camera.forward().z - DVec3::Z).length()) as f32
+            }))
+    }
+
+    /// One round, or the first look at the tree of the frame before: decide, find the places, append.
+    fn round(&self, chain: &mut Chain, lists: &Lists, round: u32, counts: [BufferId; 2]) -> Result<(), Diagnostic> {
+        let [height, low, high, roughness] = lists.inputs;
+        let [live, next] = if round.is_multiple_of(2) { lists.live } else { [lists.live[1], lists.live[0]] };
+        self.step(chain, lists, &format!("decide {round}"), "decide", round)?
+            .bind("height", height)
+            .bind("height_min", low)
+            .bind("height_max", high)
+            .bind("roughness", roughness)
+            .bind("live", live)
+            .bind("live_count", counts[0])
+            .bind("choice_out", lists.choice)
+            .over_indirect(counts[0])?;
+        self.step(chain, lists, &format!("sums {round}"), "sums", round)?
+            .bind("live_count", counts[0])
+            .bind("choice_out", lists.choice)
+            .bind("wanted_out", lists.wanted)
+            .over_indirect(counts[0])?;
+        self.offsets(chain, lists, &format!("offsets {round}"), "offsets", counts[1])?
+            .bind("live_count", counts[0])
+            .over(UVec2::ONE)?;
+        self.append(chain, lists, &format!("append {round}"), "append", next)?
+            .bind("live", live)
+            .bind("live_count", counts[0])
+            .over_indirect(counts[0])
+    }
+
+    fn offsets<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        label: &str,
+        entry: &str,
+        next_count: BufferId,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let step = self.step(chain, lists, label, entry, 0)?;
+        let step = step
+            .bind("wanted", lists.wanted)
+            .bind("place_out", lists.place)
+            .bind("leaf_count", lists.leaf_count)
+            .bind("live_count_out", next_count)
+            .bind("needed", lists.needed);
+        Ok(match &lists.tree {
+            Some(tree) => step.bind("tree_out_count", tree.count_out),
+            None => step.leave_unbound("tree_out_count"),
+        })
+    }
+
+    fn append<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        label: &str,
+        entry: &str,
+        next: BufferId,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let step = self.step(chain, lists, label, entry, 0)?;
+        let step = step
+            .bind("choice", lists.choice)
+            .bind("place", lists.place)
+            .bind("leaf", lists.leaf)
+            .bind("live_out", next)
+            .bind("split", lists.split);
+        Ok(match &lists.tree {
+            Some(tree) => step.bind("tree_out", tree.nodes_out),
+            None => step.leave_unbound("tree_out"),
+        })
+    }
+
+    /// Goes over the tree of the frame before; what it splits anew is the first round's.
+    fn settle(&self, chain: &mut Chain, lists: &Lists, tree: &Tree, first_count: BufferId) -> Result<(), Diagnostic> {
+        let [height, low, high, roughness] = lists.inputs;
+        self.step(chain, lists, "look", "look", 0)?
+            .bind("height", height)
+            .bind("height_min", low)
+            .bind("height_max", high)
+            .bind("roughness", roughness)
+            .bind("tree", tree.nodes)
+            .bind("tree_count", tree.count)
+            .bind("seen_out", tree.seen)
+            .bind("open", tree.open)
+            .over_indirect(tree.work)?;
+        self.step(chain, lists, "settle", "settle", 0)?
+            .bind("tree", tree.nodes)
+            .bind("tree_count", tree.count)
+            .bind("seen", tree.seen)
+            .bind("open", tree.open)
+            .bind("choice_out", lists.choice)
+            .over_indirect(tree.work)?;
+        self.step(chain, lists, "sums of tree", "sums_of_tree", 0)?
+            .bind("tree_count", tree.count)
+            .bind("choice_out", lists.choice)
+            .bind("wanted_out", lists.wanted)
+            .over_indirect(tree.work)?;
+        self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?
+            .bind("tree_count", tree.count)
+            .over(UVec2::ONE)?;
+        self.append(chain, lists, "append tree", "append_tree", lists.live[0])?
+            .bind("tree", tree.nodes)
+            .bind("tree_count", tree.count)
+            .over_indirect(tree.work)
+    }
+
+    fn begin(&self, chain: &mut Chain, lists: &Lists, count: BufferId) -> Result<(), Diagnostic> {
+        let cleared = lists.tree.as_ref().map(|tree| tree.open).into_iter().chain([lists.split]);
+        for bits in cleared {
+            let vectors = chain.buffer(bits).dims[0] / 4;
+            let step = self.step(chain, lists, "clear", "clear_bits", 0)?;
+            super::scan::over_runs(step.bind("clear", bits), vectors)?;
+        }
+        let entry = if lists.tree.is_some() { "begin_again" } else { "begin" };
+        let step = self.step(chain, lists, "begin", entry, 0)?;
+        let step = step
+            .bind("live_out", lists.live[0])
+            .bind("live_count_out", count)
+            .bind("leaf_count", lists.leaf_count)
+            .bind("needed", lists.needed);
+        match &lists.tree {
+            None => step.over(UVec2::ONE),
+            Some(tree) => {
+                step.bind("tree_count", tree.count)
+                    .bind("tree_work", tree.work)
+                    .bind("tree_out_count", tree.count_out)
+                    .over(UVec2::ONE)?;
+                self.settle(chain, lists, tree, count)
+            }
+        }
+    }
+}
+
+impl Stage for VertexSplitting {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let lists = Lists::make(self, chain)?;
+        let rounds = lists.layout.top;
+        let meaning = "workgroups along x, y, z; how many vertices there are";
+        let counts: Vec<BufferId> = (0..=rounds)
+            .map(|round| chain.make(&format!("live_count_{round}"), Elem::U32, &[4], "", meaning))
+            .collect();
+        self.begin(chain, &lists, counts[0])?;
+        for round in 0..rounds {
+            self.round(chain, &lists, round, [counts[round as usize], counts[round as usize + 1]])?;
+        }
+        chain.promise(Promise { bound_px: self.threshold_px, proven: lists.proven }, lists.leaf);
+        let Some(tree) = &lists.tree else { return Ok(()) };
+        self.step(chain, &lists, "keep", "keep", 0)?
+            .bind("tree", tree.nodes)
+            .bind("tree_out", tree.nodes_out)
+            .bind("tree_kept_count", tree.count_out)
+            .over_indirect(tree.count_out)?;
+        self.step(chain, &lists, "keep count", "keep_count", 0)?
+            .bind("tree_count", tree.count)
+            .bind("tree_kept_count", tree.count_out)
+            .over(UVec2::ONE)
+    }
+
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
+        let layout = bounds_layout(frame.data.terrain.size);
+        let (low, high) = (buffers.get("height_min"), buffers.get("height_max"));
+        let roughness = buffers.get("roughness");
+        let proven = buffers.contains(super::roughness::IS_BOUND);
+        let blocks = Blocks { frame, layout, low: &low, high: &high, roughness: &roughness, stage: self, proven };
+        let found = blocks.split_all();
+        let bound = if found.is_sure { 0.0 } else { f64::INFINITY };
+        let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
+        let mut split = Values::exact(&[words], 1, vec![0.0; words as usize]);
+        let mut bits = vec![0u32; words as usize];
+        found.split.iter().for_each(|&index| bits[index / 32] |= 1 << (index % 32));
+        bits.iter().enumerate().for_each(|(at, &word)| split.set(at, word.into(), bound));
+        let mut leaf = Values::missing(&[self.capacity.next_multiple_of(GROUP)], 2);
+        for (number, &(level, at)) in found.leaves.iter().enumerate() {
+            let centre = (at * 2 + 1) << level;
+            leaf.set(2 * number, (centre.x | centre.y << 16).into(), bound);
+            leaf.set(2 * number + 1, (level << 1).into(), bound);
+        }
+        // four threads a leaf
+        let groups = (4 * found.leaves.len() as u32).div_ceil(GROUP);
+        let mut count = Values::missing(&[4], 1);
+        let work = [groups, 1, 1, found.leaves.len() as u32];
+        work.iter().enumerate().for_each(|(at, &value)| count.set(at, value.into(), bound));
+        buffers.put("leaf", leaf);
+        buffers.put("leaf_count", count);
+        buffers.put("split", split);
+    }
+}
+
+/// The quadtree in f64.
+struct Blocks<'a> {
+    frame: &'a Frame<'a>,
+    layout: Layout,
+    low: &'a Values,
+    high: &'a Values,
+    roughness: &'a Values,
+    stage: &'a VertexSplitting,
+    proven: bool,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Fate {
+    Culled,
+    Leaf,
+    Split,
+}
+
+#[derive(Default)]
+struct Found {
+    leaves: Vec<(u32, UVec2)>,
+    /// Places of the blocks that are split.
+    split: Vec<usize>,
+    /// No decision was so near that rounding could turn it.
+    is_sure: bool,
+}
+
+impl Blocks<'_> {
+    /// Round by round, as the paper has it.
+    fn split_all(&self) -> Found {
+        let mut found = Found { is_sure: true, ..Found::default() };
+        let mut live = vec![(self.layout.top, UVec2::ZERO)];
+        for round in 0..self.layout.top {
+            let mut next = Vec::new();
+            for (level, at) in std::mem::take(&mut live) {
+                let (fate, is_sure) = self.fate(level, at);
+                found.is_sure &= is_sure;
+                match fate {
+                    Fate::Culled => {}
+                    Fate::Leaf if !self.stage.carry_flag && round + 1 < self.layout.top => next.push((level, at)),
+                    Fate::Leaf => found.leaves.push((level, at)),
+                    Fate::Split => {
+                        found.split.push(self.layout.index(level, at.x, at.y));
+                        let children = children(self.layout, level, at);
+                        if level == 1 { found.leaves.extend(children) } else { next.extend(children) }
+                    }
+                }
+            }
+            live = next;
+        }
+        found
+    }
+
+    /// What becomes of a block, and whether rounding could not turn that.
+    fn fate(&self, level: u32, at: UVec2) -> (Fate, bool) {
+        let index = self.layout.index(level, at.x, at.y);
+        let (low, high) = self.extent(level, at, index);
+        let mut is_sure = true;
+        let mut decide = |value: f64, scale: f64| {
+            is_sure &= value.abs() > 1e-5 * scale;
+            value >= 0.0
+        };
+        let mut visible = true;
+        if self.stage.cull {
+            for normal in sides(self.frame.camera).into_iter().chain([self.frame.camera.forward()]) {
+                let far = (normal * low).max(normal * high);
+                visible &= decide(far.element_sum(), far.abs().element_sum());
+            }
+        }
+        if !visible {
+            return (Fate::Culled, is_sure);
+        }
+        let (rise_m, off_m) = (self.roughness.value[index], self.roughness.bound[index]);
+        if rise_m <= off_m {
+            // as good as flat; whether it is exactly that is the kernel's rounding
+            return (Fate::Leaf, is_sure && rise_m == 0.0 && off_m == 0.0);
+        }
+        let (excess, scale) = match self.proven {
+            true => self.proven_excess(low, high, rise_m, off_m),
+            false => self.paper_excess(level, at, low, high, rise_m, off_m),
+        };
+        (if decide(excess, scale) { Fate::Split } else { Fate::Leaf }, is_sure)
+    }
+
+    /// A block's box relative to the eye.
+    fn extent(&self, level: u32, at: UVec2, index: usize) -> (DVec3, DVec3) {
+        let terrain = &self.frame.data.terrain;
+        let last = terrain.size - 1;
+        let (nw, se) = (at << level, ((at + 1) << level).min(last));
+        let world = |sample: UVec2| DVec2::new(sample.x.into(), f64::from(last.y - sample.y)) * terrain.cell_m;
+        let (a, b) = (world(nw), world(se));
+        let eye_m = self.frame.camera.eye_m;
+        let low = DVec3::new(a.x, b.y, self.low.value[index]) - eye_m;
+        let high = DVec3::new(b.x, a.y, self.high.value[index]) - eye_m;
+        (low, high)
+    }
+
+    /// Eq. 2 as a number that is at least 0 where the block is split, and what to measure it by.
+    fn paper_excess(&self, level: u32, at: UVec2, low: DVec3, high: DVec3, rise_m: f64, off_m: f64) -> (f64, f64) {
+        let camera = self.frame.camera;
+        let (centre, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        let inside = half.length_squared() - centre.length_squared();
+        if inside > 0.0 {
+            return (inside, half.length_squared());
+        }
+        let terrain = &self.frame.data.terrain;
+        let last = terrain.size - 1;
+        let nw = at << level;
+        let (mid, se) = ((nw + (1 << level) / 2).min(last), (nw + (1 << level)).min(last));
+        let points =
+            [mid, UVec2::new(mid.x, nw.y), UVec2::new(mid.x, se.y), UVec2::new(nw.x, mid.y), UVec2::new(se.x, mid.y)];
+        let off = |sample: UVec2| {
+            let ground = DVec2::new(sample.x.into(), f64::from(last.y - sample.y)) * terrain.cell_m;
+            let point = ground.extend(terrain.height_m(sample.x, sample.y).into()) - camera.eye_m;
+            let view = |point: DVec3| camera.world_from_view.transpose() * point;
+            let (a, b) = (view(point), view(point + DVec3::Z * rise_m));
+            let error_px = camera.focal_px() * (a.truncate() / a.z - b.truncate() / b.z).length();
+            // seen from the side, depth loses its digits
+            let steep = 1.0 + point.length() / a.z.abs() + point.length() / b.z.abs();
+            (error_px, error_px * (steep + off_m / rise_m * 1e5))
+        };
+        let all = points.map(off);
+        let most = all.iter().map(|(error, _)| *error).fold(0.0, f64::max);
+        let scale = all.iter().map(|(_, scale)| *scale).fold(0.0, f64::max);
+        let near_sphere = if -inside < 1e-5 * half.length_squared() { f64::INFINITY } else { 0.0 };
+        (most - self.stage.threshold_px, scale + self.stage.threshold_px * f64::from(most > 0.0) + near_sphere)
+    }
+
+    /// The same for the bound.
+    fn proven_excess(&self, low: DVec3, high: DVec3, rise_m: f64, off_m: f64) -> (f64, f64) {
+        let camera = self.frame.camera;
+        let forward = camera.forward();
+        let near = (forward * low).min(forward * high);
+        let beside = low.max(-high).max(DVec3::ZERO).length();
+        let depth = near.element_sum().max(beside / most_of(camera, |ray| ray.length()));
+        let room = depth - rise_m * forward.z.abs();
+        let tilt = most_of(camera, |ray| (ray * forward.z - DVec3::Z).length());
+        let allowed_px = (self.stage.threshold_px - SLACK_PX).max(0.5 * self.stage.threshold_px);
+        let moved = camera.focal_px() * tilt;
+        // the kernel's depth is a hundred-thousandth short of this one
+        let scale = (moved * rise_m + allowed_px * (near.abs().element_sum() + beside + rise_m)) * 3.0;
+        (moved * rise_m - allowed_px * room, scale + 1e5 * off_m * (moved + allowed_px))
+    }
+}
+
+/// `SLACK_PX` of the kernel.
+const SLACK_PX: f64 = 0.02;
+
+/// Blocks below a block that are on the terrain; under the finest, its cells.
+fn children(layout: Layout, level: u32, at: UVec2) -> impl Iterator<Item = (u32, UVec2)> {
+    let below = if level == 1 { layout.base } else { layout.size(level - 1) };
+    let all = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| at * 2 + UVec2::new(x, y));
+    all.into_iter().filter(move |child| child.cmplt(below).all()).map(move |child| (level - 1, child))
+}
+
+/// Inward normals of the picture's sides: left, right, top, bottom.
+fn sides(camera: &Camera) -> [DVec3; 4] {
+    let [right, up, forward] = [camera.world_from_view.x_axis, camera.world_from_view.y_axis, camera.forward()];
+    let (across, tall) = (forward * camera.half_tan.x, forward * camera.half_tan.y);
+    [right + across, across - right, tall - up, up + tall].map(DVec3::normalize)
+}
+
+/// The largest value of a convex function of the picture's rays, which is at a corner.
+fn most_of(camera: &Camera, value: impl Fn(DVec3) -> f64) -> f64 {
+    let [right, down, corner] = camera.pixel_basis();
+    let (width, tall) = (f64::from(camera.viewport.0), f64::from(camera.viewport.1));
+    let corners = [(0.0, 0.0), (width, 0.0), (0.0, tall), (width, tall)].map(|(x, y)| corner + right * x + down * y);
+    corners.into_iter().map(value).fold(0.0, f64::max)
+}
