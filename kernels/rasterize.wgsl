@@ -1,6 +1,8 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
 //!include lib/footprint.wgsl
+//!include lib/pyramid.wgsl
+//!include lib/traverse.wgsl
 // A grid mesh, or a list of triangles between samples, to the pixels it covers. Each fragment intersects its pixel's ray with the plane of its triangle, which
 // comes with the strip's first vertex and is not interpolated, so distances do not depend on how a GPU interpolates.
 
@@ -22,6 +24,10 @@ struct Params {
     threshold_px: f32,
     /// How far the rasterizer may see a corner from where it is.
     snap_px: f32,
+    /// Layout of the maximum and minimum pyramids.
+    stride: u32,
+    tall: u32,
+    top: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -37,7 +43,11 @@ struct Params {
 @group(0) @binding(6) var<storage, read> clear_until: array<f32>;
 /// Three samples, column and row in 16 bits each, counterclockwise from above.
 @group(0) @binding(7) var<storage, read> triangle: array<vec4<u32>>;
-@group(0) @binding(8) var<storage, read> height: array<f32>;
+@group(0) @binding(8) var<storage, read> samples: array<f32>;
+@group(0) @binding(9) var height: texture_2d<f32>;
+@group(0) @binding(10) var<storage, read> height_max: array<f32>;
+@group(0) @binding(11) var<storage, read> height_min: array<f32>;
+@group(0) @binding(12) var nearest: sampler;
 
 /// Tiles are known.
 override LED: bool = false;
@@ -45,7 +55,7 @@ override LED: bool = false;
 const FARTHEST: f32 = 1.0e38;
 /// Pixels a side of a tile.
 const TILE: u32 = 8u;
-/// The error of a pixel comes from proven bounds of its cell and not from its grid points.
+/// The mesh has a proven bound. Of a grid: the error of a pixel comes from bounds of its cell and not from its grid points.
 override PROVEN: bool = false;
 /// The eye is outside the terrain's rectangle, so that what the mesh has beyond the border can stand in front of it.
 override DISCARD: bool = false;
@@ -130,14 +140,15 @@ fn draw(@builtin(vertex_index) index: u32) -> Drawn {
 fn sample_at(key: u32) -> vec3<f32> {
     let sample = vec2(key & 0xffffu, key >> 16u);
     let ground = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(sample)));
-    return vec3(ground, relative_height(params.terrain, height[sample.y * params.terrain.size.x + sample.x]));
+    return vec3(ground, relative_height(params.terrain, samples[sample.y * params.terrain.size.x + sample.x]));
 }
 
-/// What a triangle of a list carries: the less, the faster.
+/// A triangle of a list: a corner, and the other two from there.
 struct Listed {
     @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat, first) plane: vec4<f32>,
-    @location(1) @interpolate(flat, first) depth: vec2<f32>,
+    @location(0) @interpolate(flat, first) a: vec3<f32>,
+    @location(1) @interpolate(flat, first) to_b: vec3<f32>,
+    @location(2) @interpolate(flat, first) to_c: vec3<f32>,
 }
 
 @vertex
@@ -146,16 +157,33 @@ fn draw_list(@builtin(vertex_index) index: u32) -> Listed {
     // the same computation for each corner, so that triangles that share one have the same bits there
     let world = sample_at(keys[index % 3u]);
     let view = vec3(dot(params.view_right, world), dot(params.view_up, world), dot(params.view_forward, world));
-    var drawn: Listed;
-    drawn.position = vec4(view.xy / params.half_tan, params.near_m, view.z);
     let a = sample_at(keys.x);
-    let b = sample_at(keys.y);
-    let c = sample_at(keys.z);
-    let normal = cross(b - a, c - a);
-    drawn.plane = vec4(normal, dot(normal, a));
-    let depth = vec3(dot(params.view_forward, a), dot(params.view_forward, b), dot(params.view_forward, c));
-    drawn.depth = vec2(max(min(depth.x, min(depth.y, depth.z)), 0.0), max(depth.x, max(depth.y, depth.z)));
-    return drawn;
+    return Listed(vec4(view.xy / params.half_tan, params.near_m, view.z), a, sample_at(keys.y) - a, sample_at(keys.z) - a);
+}
+
+/// Where a pixel's ray meets a triangle that was drawn there.
+struct Met {
+    t: f32,
+    /// A rasterizer moves corners to a grid, so the ray can pass just beside. The triangle's plane, seen edge-on, is met anywhere
+    /// then, and what counts is the nearest point of the rim.
+    beside: bool,
+}
+
+fn meet(ray: vec3<f32>, drawn: Listed) -> Met {
+    let normal = cross(drawn.to_b, drawn.to_c);
+    let volume = dot(normal, drawn.a);
+    // which side of the planes through the eye and an edge the ray is on: weights of the corners a, b, c
+    let weights = sign(volume) * vec3(dot(ray, cross(drawn.a + drawn.to_b, drawn.to_c - drawn.to_b)),
+                                      -dot(ray, cross(drawn.a, drawn.to_c)), dot(ray, cross(drawn.a, drawn.to_b)));
+    let a = dot(params.view_forward, drawn.a);
+    let depths = vec3(a, a + dot(params.view_forward, drawn.to_b), a + dot(params.view_forward, drawn.to_c));
+    let nearest = max(min(depths.x, min(depths.y, depths.z)), 0.0);
+    let inside = max(weights, vec3(0.0));
+    let sum = inside.x + inside.y + inside.z;
+    let rim = select(nearest, dot(inside, depths) / sum, sum > 0.0);
+    let beside = !all(weights > vec3(0.0));
+    let t = select(volume / dot(normal, ray), rim, beside);
+    return Met(clamp(t, nearest, max(depths.x, max(depths.y, depths.z))), beside);
 }
 
 /// A corner where it was before it was raised.
@@ -165,10 +193,10 @@ fn lowered(corner: vec4<f32>) -> vec3<f32> {
 
 /// Parameter of the hit of a pixel's ray, which is its depth. Depth is linear on a triangle: its corners bound the answer,
 /// also where the rasterizer drew a pixel just beside it and its plane is seen all but edge-on.
-fn hit(ray: vec3<f32>, plane: vec4<f32>, depth: vec2<f32>) -> f32 {
-    let steep = dot(plane.xyz, ray);
-    let t = select(plane.w / steep, depth.x, steep == 0.0);
-    return clamp(t, depth.x, depth.y);
+fn hit(ray: vec3<f32>, drawn: Drawn) -> f32 {
+    let steep = dot(drawn.plane.xyz, ray);
+    let t = select(drawn.plane.w / steep, drawn.depth.x, steep == 0.0);
+    return clamp(t, drawn.depth.x, drawn.depth.y);
 }
 
 fn is_outside(cells: vec2<f32>) -> bool {
@@ -220,6 +248,9 @@ fn proven(ray: vec3<f32>, raised: f32, drawn: Drawn) -> vec2<f32> {
     return select(vec2(t, 0.0), vec2(start, min(1.0 - params.threshold_px / most_px, LARGEST_ERROR)), is_over);
 }
 
+/// The sign of a distance: its ray passes beside the triangle.
+const BESIDE: u32 = 0x80000000u;
+
 struct Kept {
     @location(0) distance: u32,
     @builtin(frag_depth) depth: f32,
@@ -230,8 +261,9 @@ struct Kept {
 @fragment
 fn keep_list(drawn: Listed) -> Kept {
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
-    let t = hit(ray, drawn.plane, drawn.depth);
-    return Kept(bitcast<u32>(t * length(ray)), min(params.near_m / t, 1.0));
+    let met = meet(ray, drawn);
+    let beside = select(0u, BESIDE, met.beside);
+    return Kept(bitcast<u32>(met.t * length(ray)) | beside, min(params.near_m / met.t, 1.0));
 }
 
 @fragment
@@ -240,7 +272,7 @@ fn keep(drawn: Drawn) -> @location(0) u32 {
         return 0u;
     }
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
-    return bitcast<u32>(hit(ray, drawn.plane, drawn.depth) * length(ray));
+    return bitcast<u32>(hit(ray, drawn) * length(ray));
 }
 
 @fragment
@@ -249,7 +281,7 @@ fn keep_error(drawn: Drawn) -> @location(0) vec2<u32> {
         return vec2(0u);
     }
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
-    var seen = vec2(hit(ray, drawn.plane, drawn.depth), drawn.error);
+    var seen = vec2(hit(ray, drawn), drawn.error);
     if PROVEN {
         seen = proven(ray, seen.x, drawn);
     }
@@ -263,6 +295,28 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let bits = textureLoad(drawn, id.xy, 0).x;
     distance[id.y * params.camera.viewport.x + id.x] = select(bitcast<f32>(bits), NO_SURFACE, bits == 0u);
+}
+
+/// What is beside a triangle is not in its bound (on a cliff, a 256th of a pixel aside is another place): there, a mesh with a bound
+/// shows the surface itself.
+@compute @workgroup_size(8, 8)
+fn resolve_list(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.camera.viewport) {
+        return;
+    }
+    let bits = textureLoad(drawn, id.xy, 0).x;
+    var seen = select(bitcast<f32>(bits & ~BESIDE), NO_SURFACE, bits == 0u);
+    if PROVEN {
+        // a loop and no condition: software adapters go through both sides of those
+        var casts = (bits & BESIDE) != 0u;
+        while casts {
+            let ray = view_ray_of_pixel(params.camera, id.xy);
+            let t = first_hit(ray, 0.0);
+            seen = select(t * length(ray), NO_SURFACE, t >= FAR);
+            casts = false;
+        }
+    }
+    distance[id.y * params.camera.viewport.x + id.x] = seen;
 }
 
 @compute @workgroup_size(8, 8)

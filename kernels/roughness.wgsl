@@ -58,7 +58,7 @@ fn off_line(middle: f32, a: f32, b: f32, t: f32) -> f32 {
     return abs((middle - a) - (b - a) * t);
 }
 
-/// The largest of the five errors of a block, and at least twice that of the blocks below.
+/// The largest of the five errors of a block (and, where the border cuts it down to a cell or two, of the first cell's middle), and at least twice that of the blocks below.
 @compute @workgroup_size(8, 8)
 fn nested(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= level_size(base(), params.level)) {
@@ -79,7 +79,13 @@ fn nested(@builtin(global_invocation_id) id: vec3<u32>) {
     let upper = (ne - nw) * t.x + (sw - nw) * t.y;
     let lower = (se - nw) + (sw - se) * (1.0 - t.x) + (ne - se) * (1.0 - t.y);
     let centre = abs((height_at(mid.x, mid.y) - nw) - select(lower, upper, t.x + t.y <= 1.0));
-    put(id.xy, max(max(edges, centre), 2.0 * largest_below(id.xy)));
+    var own = max(edges, centre);
+    if params.level == 1u && is_clamped(block) {
+        // of the middles above none may be inside: the block is split the other way than its cell
+        let cell = min(low + 1u, base());
+        own = max(own, 0.5 * abs((height_at(cell.x, low.y) - nw) + (height_at(low.x, cell.y) - height_at(cell.x, cell.y))));
+    }
+    put(id.xy, max(own, 2.0 * largest_below(id.xy)));
 }
 
 /// The largest distance of a row or column of samples from the line between its ends.

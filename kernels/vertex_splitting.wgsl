@@ -224,7 +224,7 @@ fn wants_of(fate: u32, level: u32, at: vec2<u32>) -> u32 {
         let shift = select(10u, 0u, level == 1u);
         wants = select(children.x * children.y << shift, 0u, fate == STAYS && level > 1u);
     }
-    if KEEP && fate != GONE {
+    if KEEP && fate != GONE && fate != AGAIN {
         wants += 1u << 20u;
     }
     return wants;
@@ -438,7 +438,7 @@ fn append_node(thread: u32, group: u32, node: vec2<u32>, level: u32) {
             }
         }
     }
-    if KEEP {
+    if KEEP && fate != AGAIN {
         if start.z < params.tree_capacity {
             tree_out[start.z] = vec2(node.x, level << 1u | select(0u, FLAG, is_split));
         }

@@ -105,10 +105,16 @@ fn still_camera(still: &scene::Still, scene: &Scene, terrain: &HeightField) -> C
     Camera::new(eye, forward, still.roll_deg.to_radians(), scene)
 }
 
+/// An eye on the surface is on no side of it: it stands this much above.
+const STANDING_M: f64 = 0.01;
+
 fn lifted(eye_m: DVec3, clearance_m: Option<f64>, scene: &Scene, terrain: &HeightField) -> DVec3 {
-    let Some(clearance_m) = clearance_m else { return eye_m };
-    let ground_m = terrain.surface_m(eye_m.truncate(), scene.surface);
-    DVec3::new(eye_m.x, eye_m.y, eye_m.z.max(ground_m + clearance_m))
+    let ground = eye_m.truncate();
+    let ground_m = terrain.surface_m(ground, scene.surface);
+    let eye_z = clearance_m.map_or(eye_m.z, |clearance_m| eye_m.z.max(ground_m + clearance_m));
+    let is_inside = ground.cmpge(DVec2::ZERO).all() && ground.cmple(terrain.extent_m()).all();
+    let is_standing = is_inside && (eye_z - ground_m).abs() < STANDING_M;
+    ground.extend(if is_standing { ground_m + STANDING_M } else { eye_z })
 }
 
 /// Catmull-Rom through the keys at `at`, counted in keys; the ends are doubled.

@@ -90,6 +90,14 @@ fn cases() -> Vec<(String, String)> {
         ("high", "Shape(kind: Sine, size: (129, 129), cell_m: 0.5, height_m: (8000, 8001), period_cells: 30)"),
     ];
     let scene = |terrain: &str, surface: &str, camera: &str| {
+        // a mesh of triangles bounds its distance to triangles only
+        let bounded = match surface {
+            "Triangles" => {
+                ", \"bounded splitting\": [HeightPyramid, Roughness(error: Proven), VertexSplitting(threshold_px: 2, carry_flag: false, \
+                 carry_size: false), TriangleSplitting, Rasterize]"
+            }
+            _ => "",
+        };
         format!(
             "Experiment(scene: (terrain: {terrain}, surface: {surface}, camera: {camera}, viewport: (67, 45)), chains: {{ \
              \"cast\": [HeightPyramid, RayCast, Shade], \
@@ -98,7 +106,8 @@ fn cases() -> Vec<(String, String)> {
              \"paper\": [HeightPyramid, ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1), \
              Project, GridError(threshold_px: 0.5), Rasterize, Compact, RayFill], \
              \"proven\": [HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp, \
-             Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact, RayFill] }})"
+             Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact, RayFill], \
+             \"splitting\": [HeightPyramid, Roughness, VertexSplitting(threshold_px: 3), TriangleSplitting, Rasterize]{bounded} }})"
         )
     };
     let mut cases = Vec::new();

@@ -91,9 +91,6 @@ pub fn prepare(experiment: &Experiment, settings: &[Setting]) -> Result<Vec<Prep
     Ok(prepared)
 }
 
-/// An eye closer to the surface than this is on no side of it that f32 could tell.
-const CLOSEST_M: f64 = 1e-3;
-
 fn scene_key(scene: &Scene) -> String {
     // JSON would write every number that is none as the same null
     format!("{scene:?}")
@@ -124,20 +121,7 @@ fn load_scene(
     if !data.cameras.iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
         return Err(Diagnostic::input("the camera path has a place that is not a number").at(&path, "this path"));
     }
-    let extent_m = data.terrain.extent_m();
-    let on_surface = |eye_m: glam::DVec3| {
-        let ground = eye_m.truncate();
-        let inside = ground.cmpge(glam::DVec2::ZERO).all() && ground.cmple(extent_m).all();
-        inside && (eye_m.z - data.terrain.surface_m(ground, data.scene.surface)).abs() < CLOSEST_M
-    };
-    match data.cameras.iter().position(|camera| on_surface(camera.eye_m)) {
-        None => Ok(data),
-        Some(frame) => {
-            Err(Diagnostic::input(format!("in frame {frame} the eye is on the surface, neither above nor under it"))
-                .at(&path, "this path")
-                .help(format!("keep {CLOSEST_M} m away, for example with `clearance_m`")))
-        }
-    }
+    Ok(data)
 }
 
 /// The buffers that the cell's measures need; each has to be what the measure takes it for.

@@ -2,25 +2,7 @@
 
 mod common;
 
-use common::{measure, records, run, shared_dem, succeeded};
-
-const SHAPES: [(&str, &str); 5] = [
-    ("spike", "Shape(kind: Spike, size: (129, 129), cell_m: 10, height_m: (0, 500))"),
-    ("cliff", "Shape(kind: Cliff, size: (129, 129), cell_m: 10, height_m: (0, 400))"),
-    ("checkerboard", "Shape(kind: Checkerboard, size: (129, 129), cell_m: 10, height_m: (0, 100), period_cells: 8)"),
-    ("ridges", "Noise(kind: Ridged, seed: 5, size: (129, 129), cell_m: 10, height_m: (0, 500), wavelength_m: 600)"),
-    ("flat", "Shape(kind: Flat, size: (129, 129), cell_m: 10, height_m: (40, 40))"),
-];
-
-const VIEWS: [(&str, &str); 7] = [
-    ("orbit", "Orbit(frames: 4, center: (640, 640, 100), radius_m: 500, height_m: 400, clearance_m: 20)"),
-    ("near the ground", "Still(eye: (300, 300, 0), yaw_deg: 40, pitch_deg: -2, clearance_m: 1.5)"),
-    ("horizon", "Still(eye: (640, 20, 600), yaw_deg: 0, pitch_deg: 0, clearance_m: 20)"),
-    ("straight down", "Still(eye: (640, 640, 900), pitch_deg: -90)"),
-    ("behind a ridge", "Still(eye: (520, 300, 0), yaw_deg: 10, pitch_deg: 8, clearance_m: 5)"),
-    ("rolled", "Still(eye: (300, 900, 700), look_at: (700, 600, 0), roll_deg: 50, clearance_m: 20)"),
-    ("from outside", "Still(eye: (-300, -200, 500), look_at: (640, 640, 50))"),
-];
+use common::{SHAPES, VIEWS, measure, records, run, shared_dem, succeeded};
 
 /// Runs a Proven chain over scenes, grids and thresholds, and asserts that no pixel breaks its bound.
 fn holds(name: &str, terrain: &str, camera: &str, viewport: &str, surface: &str) {

@@ -159,12 +159,18 @@ impl Summary {
         self.add_uncracked(mesh, camera);
     }
 
-    /// A list of triangles, and what was drawn of it: distances along the pixels' rays, if they are known.
-    pub fn add_list(&mut self, list: &Listed, terrain: &HeightField, camera: &Camera, drawn_m: Option<&[f32]>) {
+    /// A list of triangles, and what was drawn of it and should have been: distances along the pixels' rays, if they are known.
+    pub fn add_list(
+        &mut self,
+        list: &Listed,
+        terrain: &HeightField,
+        camera: &Camera,
+        drawn_and_true_m: Option<(&[f32], &[f32])>,
+    ) {
         let mesh = list.placed(terrain, camera);
         self.cracks += list.cracks();
-        if let Some(drawn_m) = drawn_m {
-            *self.pinholes.get_or_insert_default() += pinholes::count(&mesh, camera, drawn_m);
+        if let Some((drawn_m, true_m)) = drawn_and_true_m {
+            *self.pinholes.get_or_insert_default() += pinholes::count(&mesh, camera, drawn_m, true_m);
         }
         self.add_uncracked(&mesh, camera);
     }

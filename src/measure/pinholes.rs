@@ -9,13 +9,13 @@ use crate::camera::Camera;
 /// How far from a pixel's centre the mesh has to be closed, in pixels: rasterizers move edges by up to 1/16 of a pixel.
 const AROUND_PX: f64 = 0.09;
 /// What is nearer than this, in metres, may have been clipped.
-const NEAREST_M: f64 = 2e-3;
+const NEAREST_M: f64 = 2e-4;
 /// Rows of pixels that are looked at together.
 const BAND: u32 = 16;
 
 /// Pixels that `drawn_m` (distances along their rays in metres, negative for none) shows behind the mesh, although all rays
-/// around them meet it before.
-pub fn count(mesh: &Triangles, camera: &Camera, drawn_m: &[f32]) -> usize {
+/// around them meet it before. A pixel that shows what there is to see is none, wherever the mesh is.
+pub fn count(mesh: &Triangles, camera: &Camera, drawn_m: &[f32], true_m: &[f32]) -> usize {
     let triangles: Vec<Triangle> = mesh.corners.iter().filter_map(|corners| Triangle::new(corners, camera)).collect();
     let (width, tall) = camera.viewport;
     let bands = tall.div_ceil(BAND);
@@ -32,7 +32,9 @@ pub fn count(mesh: &Triangles, camera: &Camera, drawn_m: &[f32]) -> usize {
         let is_hole = |&((x, y), near): &((u32, u32), f64)| {
             let drawn = f64::from(drawn_m[(y * width + x) as usize]);
             let is_behind = |near: f64| near.is_finite() && (drawn < 0.0 || drawn > near * (1.0 + 1e-3) + 1e-3);
-            if !is_behind(near) {
+            let truth = f64::from(true_m[(y * width + x) as usize]);
+            let is_true = drawn < 0.0 && truth < 0.0 || (drawn - truth).abs() <= 1e-5 * truth;
+            if is_true || !is_behind(near) {
                 return false;
             }
             let hits: Vec<f64> = around(x, y).map(|place| first_hit(&listed, camera, place)).collect();
@@ -73,7 +75,7 @@ impl Triangle {
         let normal = (b - a).cross(c - a);
         let (width, tall) = camera.viewport;
         let (mut columns, mut rows) = ((0, width - 1), (0, tall - 1));
-        if depths.iter().all(|&depth| depth > 1e-3) {
+        if depths.iter().all(|&depth| depth > 1e-4) {
             let pixels = [a, b, c].map(|corner| camera.pixel(corner + camera.eye_m).unwrap_or(DVec2::ZERO));
             let low = pixels.into_iter().fold(DVec2::MAX, DVec2::min);
             let high = pixels.into_iter().fold(DVec2::MIN, DVec2::max);

@@ -1,7 +1,7 @@
 //! Screen-space error at every pixel: how far, in pixels, the drawn surface point is from the true surface at the
 //! same ground position. The metric of all five papers, against exact ground truth in f64.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::Measured;
@@ -89,41 +89,66 @@ struct Seen<'a> {
 impl Seen<'_> {
     /// How far, in pixels, the true surface sticks out over a pixel's ray between where the ray meets it and where it met
     /// what was drawn: the least error that the mesh must have there, since it lies under the ray. A pixel that shows what
-    /// is there, or something nearer, has missed nothing.
+    /// is there, or something nearer, has missed nothing. A ray that comes from under the surface is the same upside down.
     fn missed_px(&self, pixel: DVec2, drawn_m: f64, true_m: f64) -> f64 {
         if true_m < 0.0 || drawn_m >= 0.0 && drawn_m <= true_m {
             return 0.0;
         }
         let ray = self.camera.ray(pixel);
-        let eye_m = self.camera.eye_m;
-        let origin = self.terrain.sample_from_world(eye_m.truncate());
+        let origin = self.terrain.sample_from_world(self.camera.eye_m.truncate());
         let direction = DVec2::new(ray.x, -ray.y) / self.terrain.cell_m;
         let last = (self.terrain.size - 1).as_dvec2();
-        let leave = ((DVec2::ZERO - origin) / direction).max((last - origin) / direction);
-        let leave_m = leave.map(|t| if t.is_nan() { f64::INFINITY } else { t }).min_element();
+        let borders = [(DVec2::ZERO - origin) / direction, (last - origin) / direction];
+        let orderly = |t: DVec2, other: f64| t.map(|t| if t.is_nan() { other } else { t });
+        let enter_m = orderly(borders[0].min(borders[1]), 0.0).max_element().max(0.0);
+        let leave_m = orderly(borders[0].max(borders[1]), f64::INFINITY).min_element();
         let end_m = if drawn_m < 0.0 { leave_m } else { drawn_m.min(leave_m) };
         if !end_m.is_finite() {
             return 0.0;
         }
+        let line = Line { origin, direction, ray };
+        let side = if self.over_m(ray, enter_m) <= 0.0 { 1.0 } else { -1.0 };
+        let passed_px = self.most_px(&line, (true_m, end_m), pixel, side);
+        // from outside, a ray can come in on the other side of the mesh than of the surface
+        let beside_px =
+            if enter_m > 0.0 { self.most_px(&line, (enter_m, true_m), pixel, -side) } else { f64::INFINITY };
+        passed_px.min(beside_px)
+    }
+
+    /// Surface above a ray, in metres.
+    fn over_m(&self, ray: DVec3, t: f64) -> f64 {
+        let point = self.camera.eye_m + ray * t;
+        self.terrain.surface_m(point.truncate(), self.surface) - point.z
+    }
+
+    /// The most that the surface is over a part of a ray (or, with -1, under it), in pixels.
+    fn most_px(&self, line: &Line, (start_m, end_m): (f64, f64), pixel: DVec2, side: f64) -> f64 {
         let over_px = |t: f64| {
-            let point = eye_m + ray * t;
-            let over_m = self.terrain.surface_m(point.truncate(), self.surface) - point.z;
-            if over_m <= 0.0 {
+            let over_m = self.over_m(line.ray, t);
+            if side * over_m <= 0.0 {
                 return 0.0;
             }
-            let top = point.truncate().extend(point.z + over_m);
-            self.camera.pixel(top).map_or(f64::INFINITY, |place| place.distance(pixel))
+            let place = self.camera.pixel(self.camera.eye_m + line.ray * t + DVec3::Z * over_m);
+            place.map_or(f64::INFINITY, |place| place.distance(pixel))
         };
+        let Line { origin, direction, .. } = line;
         // surface minus ray bends only where the ray crosses columns, rows and diagonals (a patch bends between them, by less)
         let lines =
             [(origin.x, direction.x), (origin.y, direction.y), (origin.x + origin.y, direction.x + direction.y)];
         let crossings = lines.into_iter().flat_map(|(start, speed)| {
-            let (from, to) = (start + speed * true_m, start + speed * end_m);
+            let (from, to) = (start + speed * start_m, start + speed * end_m);
             let (low, high) = (from.min(to).ceil() as i64, from.max(to).floor() as i64);
-            (low..=high).map(move |line| (line as f64 - start) / speed).filter(move |t| (true_m..=end_m).contains(t))
+            (low..=high).map(move |line| (line as f64 - start) / speed).filter(move |t| (start_m..=end_m).contains(t))
         });
         crossings.chain([end_m]).map(over_px).fold(0.0, f64::max)
     }
+}
+
+/// A ray over the grid of samples: where it starts, how fast it goes there, and its direction in the world.
+struct Line {
+    origin: DVec2,
+    direction: DVec2,
+    ray: DVec3,
 }
 
 /// Errors of all frames of a cell, in constant memory.

@@ -192,7 +192,8 @@ impl<'c, 'a> Tally<'c, 'a> {
         if let Some(list) = list {
             let data = &self.context.prepared.data;
             let list = mesh::Listed::new(&list, self.drawn_vertices);
-            self.mesh.add_list(&list, &data.terrain, &data.cameras[frame], drawn_m.as_deref());
+            let seen = drawn_m.as_deref().zip(truth.as_ref().map(|truth| &truth.distance_m[..]));
+            self.mesh.add_list(&list, &data.terrain, &data.cameras[frame], seen);
         }
         Ok(())
     }

@@ -29,7 +29,7 @@ pub struct Truth<'a> {
 }
 
 pub fn wanted(cell: &Cell) -> bool {
-    ["ScreenError", "Image", "Coverage"].iter().any(|name| cell.wants(name))
+    ["ScreenError", "Image", "Coverage", "Mesh"].iter().any(|name| cell.wants(name))
 }
 
 /// The picture of the truth is shaded like the cell's own; cells that shade alike share it.

@@ -3,10 +3,12 @@ use rayon::prelude::*;
 use serde::Deserialize;
 
 use super::grid_error::THRESHOLD;
+use super::height_pyramid::bounds_layout;
 use super::ray_cast::{TILE, Traversed};
 use super::{EPSILON, Info, Stage, read_params};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
 use crate::plan::chain::StepBuilder;
@@ -32,7 +34,7 @@ pub struct Rasterize {}
 const NEAR_M: f32 = 0.1;
 
 /// The same for a list of triangles between samples, on which an eye can stand.
-const NEAR_LIST_M: f32 = 1e-3;
+const NEAR_LIST_M: f32 = 1e-4;
 
 /// A step with what all of them set.
 fn step<'c, 'a>(
@@ -43,8 +45,16 @@ fn step<'c, 'a>(
 ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
     let kernel = Kernel::built_in("rasterize.wgsl")?;
     let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
+    let layout = bounds_layout(chain.data.terrain.size);
+    let bilinear = chain.data.scene.surface == Surface::Bilinear;
+    let underside = chain.data.sees_underside;
     let step = chain.step(label, &kernel, entry).set_camera().set_terrain();
     Ok(step
+        .constant("BILINEAR", f64::from(bilinear))
+        .constant("UNDERSIDE", f64::from(underside))
+        .set("stride", layout.stride)
+        .set("tall", layout.tall)
+        .set("top", layout.top)
         .set("threshold_px", threshold_px as f32)
         .set("snap_px", super::grid_error::SNAP_PX)
         .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
@@ -61,16 +71,24 @@ fn plan_list(chain: &mut Chain) -> Result<(), Diagnostic> {
     let triangles = chain.read("triangle")?;
     let triangles = chain.read_as("triangle", Elem::Vec4U32, &chain.buffer(triangles).dims.clone())?;
     let count = chain.read_as("triangle_count", Elem::U32, &[4])?;
-    let meaning = "distance of the nearest triangle as the bits of an f32; 0 is none";
+    let meaning = "distance of the nearest triangle as the bits of an f32, negative beside it; 0 is none";
     let drawn = chain.make_target("drawn", Elem::U32, meaning);
     let distance = chain.make_distance();
-    if let Some(promise) = chain.promise_of(triangles) {
+    let promise = chain.promise_of(triangles);
+    if let Some(promise) = promise {
         chain.promise(promise, distance);
     }
+    let proven = promise.is_some_and(|promise| promise.proven);
+    let traversed = if proven { Some(Traversed::read(chain)?) } else { None };
     let draw = step(chain, "draw", "draw_list", 0.0)?.set("grid", [0u32; 2]).set("near_m", NEAR_LIST_M);
-    draw.bind("triangle", triangles).bind("height", height).draw_list(count, drawn, "keep_list")?;
+    draw.bind("triangle", triangles).bind("samples", height).draw_list(count, drawn, "keep_list")?;
     let (width, tall) = chain.data.scene.viewport;
-    let resolve = step(chain, "resolve", "resolve", 0.0)?.set("grid", [0u32; 2]).set("near_m", NEAR_LIST_M);
+    let resolve = step(chain, "resolve", "resolve_list", 0.0)?.constant("PROVEN", f64::from(proven));
+    let resolve = resolve.set("grid", [0u32; 2]).set("near_m", NEAR_LIST_M).bind("height", height);
+    let resolve = match traversed {
+        Some(known) => resolve.bind("height_max", known.highest).bind("height_min", known.lowest),
+        None => resolve.leave_unbound("height_max").leave_unbound("height_min"),
+    };
     resolve.bind("drawn", drawn).bind("distance", distance).over(UVec2::new(width, tall))
 }
 
@@ -84,7 +102,10 @@ impl Stage for Rasterize {
 
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
         let mesh = match buffers.contains("triangle_count") {
-            true => Mesh::of_list(frame, &buffers.get("triangle"), &buffers.get("triangle_count")),
+            true => {
+                let proven = buffers.contains(super::roughness::IS_BOUND);
+                Mesh::of_list(frame, &buffers.get("triangle"), &buffers.get("triangle_count"), proven)
+            }
             false => Mesh::of_grid(&buffers.get("vertex"), &buffers.get("cell_bound")),
         };
         // how far a grid was raised is known to an interval only: what it covers then hangs on that
@@ -210,6 +231,8 @@ struct Mesh {
     near_m: f64,
     /// At the terrain's border.
     is_cut: bool,
+    /// A ray that passes beside its triangle is cast.
+    casts_beside: bool,
     /// Which triangles there are hangs on a decision.
     is_open: bool,
 }
@@ -222,7 +245,7 @@ struct Hit {
 }
 
 impl Mesh {
-    fn of_list(frame: &Frame, keys: &Values, count: &Values) -> Self {
+    fn of_list(frame: &Frame, keys: &Values, count: &Values, casts_beside: bool) -> Self {
         let terrain = &frame.data.terrain;
         let corner = |key: f64| {
             let (column, row) = (key as u32 & 0xffff, key as u32 >> 16);
@@ -242,7 +265,16 @@ impl Mesh {
         let bounds_m = triangles.iter().map(off).collect();
         let carried = vec![[0.0; 3]; triangles.len()];
         let is_open = count.bound[0].is_infinite();
-        Self { triangles, bounds_m, carried, found_m: Vec::new(), near_m: NEAR_LIST_M.into(), is_cut: false, is_open }
+        Self {
+            triangles,
+            bounds_m,
+            carried,
+            found_m: Vec::new(),
+            near_m: NEAR_LIST_M.into(),
+            is_cut: false,
+            casts_beside,
+            is_open,
+        }
     }
 
     fn of_grid(vertices: &Values, cell_bounds: &Values) -> Self {
@@ -261,7 +293,16 @@ impl Mesh {
             }
         }
         let found_m = cell_bounds.value.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect();
-        Self { triangles, bounds_m, carried, found_m, near_m: NEAR_M.into(), is_cut: true, is_open: false }
+        Self {
+            triangles,
+            bounds_m,
+            carried,
+            found_m,
+            near_m: NEAR_M.into(),
+            is_cut: true,
+            casts_beside: false,
+            is_open: false,
+        }
     }
 
     fn is_proven(&self) -> bool {
@@ -293,7 +334,18 @@ impl Mesh {
             // t is the depth, which is linear on the triangle
             let depths = [a, b, c].map(|corner| corner.dot(camera.forward()));
             let (near, far) = depths.iter().fold((f64::MAX, 0.0f64), |(low, high), &z| (low.min(z), high.max(z)));
-            let t = (normal.dot(a) / steep).max(near.max(0.0)).min(far);
+            let mut t = (normal.dot(a) / steep).max(near.max(0.0)).min(far);
+            let mut rim_off = 0.0;
+            if !self.is_cut && margin < slack {
+                // beside a triangle of a list, its rim counts
+                let weights =
+                    DVec3::from([b.cross(c), c.cross(a), a.cross(b)].map(|edge| volume.signum() * edge.dot(ray)));
+                let inside = weights.max(DVec3::ZERO);
+                let rim = (inside.dot(depths.into()) / inside.element_sum()).max(near.max(0.0)).min(far);
+                // a bound is kept by looking at the surface itself there
+                rim_off = if self.casts_beside { f64::INFINITY } else { (rim - t).abs() * ray.length() };
+                t = if margin < 0.0 { rim } else { t };
+            }
             let in_front = t * camera.forward().dot(ray) > self.near_m;
             if !in_front || steep == 0.0 {
                 continue;
@@ -302,7 +354,8 @@ impl Mesh {
             let spread = (b - a).length() * (c - a).length();
             let reach = a.length().max(b.length()).max(c.length());
             let off = length * (16.0 * EPSILON * reach * spread + bound_m * normal.length()) / steep.abs()
-                + 4.0 * EPSILON * t * length;
+                + 4.0 * EPSILON * t * length
+                + rim_off;
             // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
             let along = normal.length() * length / steep.abs();
             let border_off = off + SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);

@@ -169,7 +169,8 @@ impl<'a> Block<'a> {
         high - low
     }
 
-    /// The centre against the diagonal, the middle of each edge against its ends.
+    /// The centre against the diagonal, the middle of each edge against its ends; where the terrain's border cuts the block down
+    /// to one cell or two, the middle of the first as well, whose diagonal is not the block's.
     fn five_errors(&self) -> (f64, f64) {
         let (low, mid, high) = (self.low, self.middle, self.high);
         let [nw, ne, sw, se] =
@@ -187,7 +188,11 @@ impl<'a> Block<'a> {
             self.at(low.x, mid.y) - line(nw, sw, t.y),
             self.at(high.x, mid.y) - line(ne, se, t.y),
         ];
-        let largest = errors.into_iter().fold(0.0, |largest: f64, error| largest.max(error.abs()));
+        let is_cut = high - low != UVec2::splat((mid.x - low.x) * 2) && (high - low).min_element() == 1;
+        let cell = low + 1;
+        let twist = nw + self.at(cell.x, cell.y) - self.at(cell.x, low.y) - self.at(low.x, cell.y);
+        let cut = if is_cut && (high - low).max_element() <= 2 { twist / 2.0 } else { 0.0 };
+        let largest = errors.into_iter().chain([cut]).fold(0.0, |largest: f64, error| largest.max(error.abs()));
         // up to six differences and products of heights of the block
         (largest, 12.0 * EPSILON * self.relief() * 4.0)
     }

@@ -394,7 +394,8 @@ impl Stage for VertexSplitting {
         // four threads a leaf
         let groups = (4 * found.leaves.len() as u32).div_ceil(GROUP);
         let mut count = Values::missing(&[4], 1);
-        let work = [groups, 1, 1, found.leaves.len() as u32];
+        let any = groups.min(1);
+        let work = [groups, any, any, found.leaves.len() as u32];
         work.iter().enumerate().for_each(|(at, &value)| count.set(at, value.into(), bound));
         buffers.put("leaf", leaf);
         buffers.put("leaf_count", count);

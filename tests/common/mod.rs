@@ -6,6 +6,26 @@ use std::process::{Command, Output};
 
 pub const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
+/// Terrains of 129 x 129 samples that are hard on a bound.
+pub const SHAPES: [(&str, &str); 5] = [
+    ("spike", "Shape(kind: Spike, size: (129, 129), cell_m: 10, height_m: (0, 500))"),
+    ("cliff", "Shape(kind: Cliff, size: (129, 129), cell_m: 10, height_m: (0, 400))"),
+    ("checkerboard", "Shape(kind: Checkerboard, size: (129, 129), cell_m: 10, height_m: (0, 100), period_cells: 8)"),
+    ("ridges", "Noise(kind: Ridged, seed: 5, size: (129, 129), cell_m: 10, height_m: (0, 500), wavelength_m: 600)"),
+    ("flat", "Shape(kind: Flat, size: (129, 129), cell_m: 10, height_m: (40, 40))"),
+];
+
+/// Cameras for them.
+pub const VIEWS: [(&str, &str); 7] = [
+    ("orbit", "Orbit(frames: 4, center: (640, 640, 100), radius_m: 500, height_m: 400, clearance_m: 20)"),
+    ("near the ground", "Still(eye: (300, 300, 0), yaw_deg: 40, pitch_deg: -2, clearance_m: 1.5)"),
+    ("horizon", "Still(eye: (640, 20, 600), yaw_deg: 0, pitch_deg: 0, clearance_m: 20)"),
+    ("straight down", "Still(eye: (640, 640, 900), pitch_deg: -90)"),
+    ("behind a ridge", "Still(eye: (520, 300, 0), yaw_deg: 10, pitch_deg: 8, clearance_m: 5)"),
+    ("rolled", "Still(eye: (300, 900, 700), look_at: (700, 600, 0), roll_deg: 50, clearance_m: 20)"),
+    ("from outside", "Still(eye: (-300, -200, 500), look_at: (640, 640, 50))"),
+];
+
 pub fn lodlab(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lodlab"));
     command.current_dir(folder);
@@ -55,6 +75,11 @@ pub struct Ran {
 impl Ran {
     /// Runs the chain in a folder that has the tests' kernels; `scene` is what stands between `scene: (` and `)`.
     pub fn chain(gpu: &lodlab::gpu::Gpu, scene: &str, chain: &str) -> Self {
+        Self::frames(gpu, scene, chain).remove(0)
+    }
+
+    /// The same after each frame of the path.
+    pub fn frames(gpu: &lodlab::gpu::Gpu, scene: &str, chain: &str) -> Vec<Self> {
         use lodlab::experiment::{Experiment, diagnostic::Source};
         let text = format!("Experiment(scene: ({scene}), chains: {{\"test\": {chain}}}, measure: [Time])");
         let folder = Path::new(ROOT).join("tests/kernels_of_tests");
@@ -64,13 +89,16 @@ impl Ran {
         let plan = lodlab::run::plan(&prepared, &options).unwrap_or_else(|error| panic!("{error}"));
         let executor = lodlab::gpu::Executor::new(gpu, &plan, &prepared.data).unwrap();
         executor.setup().unwrap();
-        executor.frame(0).unwrap();
-        let names = plan.buffers.iter().map(|buffer| buffer.name.clone());
-        let read = |name: String| {
-            let id = plan.find(&name).unwrap();
-            (name, executor.read(id).unwrap())
+        let frame = |frame: usize| {
+            executor.frame(frame).unwrap();
+            let names = plan.buffers.iter().map(|buffer| buffer.name.clone());
+            let read = |name: String| {
+                let id = plan.find(&name).unwrap();
+                (name, executor.read(id).unwrap())
+            };
+            Self { buffers: names.map(read).collect() }
         };
-        Self { buffers: names.map(read).collect() }
+        (0..plan.frames).map(frame).collect()
     }
 
     /// The last buffer of that name.

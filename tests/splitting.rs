@@ -1,0 +1,306 @@
+//! Geometry splitting: the same quadtree from the root and from the frame before, no cracks, bounds that hold, lists that grow.
+
+mod common;
+
+use std::collections::BTreeSet;
+
+use common::{Ran, SHAPES, VIEWS, errors, measure, records, run, shared_dem, succeeded};
+use lodlab::gpu::Gpu;
+use lodlab::measure::mesh::Listed;
+
+/// Level, column and row of each block.
+fn leaves(ran: &Ran) -> Vec<(u32, u32, u32)> {
+    let count = ran.read::<u32>("leaf_count")[3] as usize;
+    let leaves = ran.read::<[u32; 2]>("leaf");
+    let block = |&[centre, carried]: &[u32; 2]| {
+        let level = carried >> 1;
+        (level, (centre & 0xffff) >> (level + 1), (centre >> 16) >> (level + 1))
+    };
+    leaves[..count].iter().map(block).collect()
+}
+
+fn mesh(ran: &Ran) -> Listed {
+    Listed::new(&ran.read::<[u32; 4]>("triangle"), ran.read::<u32>("triangle_count")[0])
+}
+
+fn scene(terrain: &str, camera: &str) -> String {
+    format!("terrain: {terrain}, camera: {camera}, viewport: (160, 120)")
+}
+
+fn chain(error: &str, splitting: &str) -> String {
+    format!("[HeightPyramid, Roughness(error: {error}), VertexSplitting({splitting}), TriangleSplitting]")
+}
+
+const ROUGH: &str = "Noise(kind: Ridged, seed: 5, size: (129, 129), cell_m: 10, height_m: (0, 500), wavelength_m: 600)";
+const RULES: [&str; 2] = ["Paper", "Proven"];
+
+#[test]
+fn with_no_error_allowed_all_cells_are_there() {
+    let gpu = Gpu::open(None).unwrap();
+    // the fewest, a row of them, and sizes that are no power of two
+    for (columns, rows) in [(2, 2), (2, 9), (3, 2), (17, 17), (37, 53), (129, 65)] {
+        let terrain = format!("Noise(kind: Fbm, seed: 2, size: ({columns}, {rows}), cell_m: 10, height_m: (0, 90))");
+        let down = scene(&terrain, "Still(eye: (300, 300, 9000), pitch_deg: -90)");
+        for rule in RULES {
+            let ran = Ran::chain(&gpu, &down, &chain(rule, "threshold_px: 0, cull: false"));
+            let all: BTreeSet<(u32, u32, u32)> =
+                (0..rows - 1).flat_map(|y| (0..columns - 1).map(move |x| (0, x, y))).collect();
+            let found = leaves(&ran);
+            assert_eq!(found.len(), all.len(), "{rule} {columns} x {rows}");
+            assert_eq!(BTreeSet::from_iter(found), all, "{rule} {columns} x {rows}");
+            assert_eq!(mesh(&ran).corners.len(), 2 * all.len());
+        }
+    }
+}
+
+/// In the picture there are cells only; what is culled is out of it.
+#[test]
+fn culling_leaves_what_is_seen() {
+    let gpu = Gpu::open(None).unwrap();
+    let terrain = "Noise(kind: Fbm, seed: 2, size: (129, 129), cell_m: 10, height_m: (0, 400), wavelength_m: 900)";
+    for (name, camera) in VIEWS {
+        let scene = scene(terrain, camera);
+        let all = Ran::chain(&gpu, &scene, &chain("Paper", "threshold_px: 0, cull: false"));
+        let seen = Ran::chain(&gpu, &scene, &chain("Paper", "threshold_px: 0"));
+        let (all, seen) = (leaves(&all), leaves(&seen));
+        assert!(seen.iter().all(|&(level, ..)| level == 0), "{name}: {:?}", seen.iter().find(|(level, ..)| *level > 0));
+        assert!(
+            seen.len() < all.len() || name == "straight down" || name == "from outside",
+            "{name}: nothing was culled"
+        );
+        assert!(BTreeSet::from_iter(all).is_superset(&BTreeSet::from_iter(seen)), "{name}");
+    }
+}
+
+#[test]
+fn with_any_error_allowed_there_is_one_block() {
+    let gpu = Gpu::open(None).unwrap();
+    let far = scene(ROUGH, "Still(eye: (-3000, -3000, 3000), look_at: (640, 640, 0))");
+    for rule in RULES {
+        assert_eq!(leaves(&Ran::chain(&gpu, &far, &chain(rule, "threshold_px: 1e6"))), [(7, 0, 0)], "{rule}");
+    }
+}
+
+#[test]
+fn a_flat_terrain_is_one_block() {
+    let gpu = Gpu::open(None).unwrap();
+    for (name, camera) in VIEWS {
+        let flat = scene("Shape(kind: Flat, size: (100, 77), height_m: (40, 40))", camera);
+        for (rule, threshold_px) in [("Paper", 0.0), ("Proven", 0.0), ("Paper", 1.0), ("Proven", 1.0)] {
+            let ran = Ran::chain(&gpu, &flat, &chain(rule, &format!("threshold_px: {threshold_px}, cull: false")));
+            assert_eq!(leaves(&ran), [(7, 0, 0)], "{rule}, {name}");
+        }
+    }
+}
+
+const PATHS: [(&str, &str); 3] = [
+    (
+        "slow",
+        "Flight(frames: 6, clearance_m: 20, keys: [(eye: (200, 200, 500), look_at: (900, 900, 100)), (eye: (230, 215, 490), look_at: (905, 910, 100))])",
+    ),
+    ("round", "Orbit(frames: 5, center: (640, 640, 100), radius_m: 500, height_m: 200, clearance_m: 20)"),
+    // two frames far apart: nothing of the first is left in the second
+    (
+        "cut",
+        "Flight(frames: 2, clearance_m: 20, keys: [(eye: (200, 200, 300), look_at: (300, 900, 100)), (eye: (1100, 1000, 900), look_at: (1200, 100, 100))])",
+    ),
+];
+
+#[test]
+fn the_frame_before_leads_to_the_same_leaves() {
+    let gpu = Gpu::open(None).unwrap();
+    let odd = "Noise(kind: Billow, seed: 1, size: (203, 90), cell_m: 8, height_m: (0, 300), wavelength_m: 500)";
+    for (terrain, (path, camera)) in [ROUGH, odd, SHAPES[0].1].into_iter().flat_map(|t| PATHS.map(|path| (t, path))) {
+        for (rule, switches) in
+            [("Paper", ""), ("Proven", ""), ("Paper", ", carry_flag: false"), ("Proven", ", cull: false")]
+        {
+            let scene = scene(terrain, camera);
+            let root = Ran::frames(&gpu, &scene, &chain(rule, &format!("threshold_px: 1{switches}")));
+            let last = Ran::frames(&gpu, &scene, &chain(rule, &format!("threshold_px: 1, start: LastFrame{switches}")));
+            for (number, (root, last)) in root.iter().zip(&last).enumerate() {
+                let what = format!("{path}, {rule}{switches}, frame {number}");
+                let (root, last) = (leaves(root), leaves(last));
+                assert_eq!(root.len(), last.len(), "{what}");
+                assert!(root.len() > 1, "{what}");
+                assert_eq!(BTreeSet::from_iter(root), BTreeSet::from_iter(last), "{what}");
+            }
+        }
+    }
+}
+
+/// What a vertex carries changes how often it is looked at, and nothing else.
+#[test]
+fn what_a_vertex_carries_changes_nothing() {
+    let gpu = Gpu::open(None).unwrap();
+    let scene = scene(ROUGH, PATHS[1].1);
+    let found =
+        ["", "carry_flag: false", "carry_size: false", "carry_flag: false, carry_size: false"].map(|switches| {
+            let frames = Ran::frames(&gpu, &scene, &chain("Paper", switches));
+            frames.iter().map(|ran| BTreeSet::from_iter(leaves(ran))).collect::<Vec<_>>()
+        });
+    assert!(found.iter().all(|leaves| *leaves == found[0]));
+}
+
+#[test]
+fn no_cracks_where_neighbours_differ_by_many_levels() {
+    let gpu = Gpu::open(None).unwrap();
+    // flat up to a cliff
+    let cliff = "Shape(kind: Cliff, size: (514, 514), cell_m: 10, height_m: (0, 800))";
+    let camera = "Orbit(frames: 4, center: (2560, 2560, 100), radius_m: 2500, height_m: 900, clearance_m: 20)";
+    let mut apart = 0;
+    for ran in Ran::frames(&gpu, &scene(cliff, camera), &chain("Proven", "threshold_px: 1")) {
+        let mesh = mesh(&ran);
+        assert_eq!(mesh.cracks(), 0);
+        // corners of finer blocks along an edge of a coarser one
+        let keys = ran.read::<[u32; 4]>("triangle");
+        for (corners, level) in mesh.corners.iter().zip(keys.iter().map(|keys| keys[3])) {
+            let edge = (corners[0].as_ivec2() - corners[1].as_ivec2()).abs().max_element() as u32;
+            apart = apart.max(level.saturating_sub(edge.max(1).ilog2()));
+        }
+    }
+    assert!(apart >= 4, "neighbours differ by {apart} levels only");
+}
+
+#[test]
+fn a_measure_of_cracks_sees_them() {
+    let key = |(x, y): (u32, u32)| x | y << 16;
+    let listed = |triangles: &[[(u32, u32); 3]]| {
+        let keys: Vec<[u32; 4]> = triangles.iter().map(|&[a, b, c]| [key(a), key(b), key(c), 0]).collect();
+        Listed::new(&keys, 3 * keys.len() as u32)
+    };
+    let square = |(x, y): (u32, u32), side: u32| {
+        let (nw, ne, sw, se) = ((x, y), (x + side, y), (x, y + side), (x + side, y + side));
+        [[nw, sw, ne], [se, ne, sw]]
+    };
+    let coarse = square((0, 0), 4);
+    let fine = [square((4, 0), 2), square((4, 2), 2)].concat();
+    assert_eq!(listed(&coarse).cracks(), 0);
+    assert_eq!(listed(&fine).cracks(), 0);
+    // a vertex of the finer ones lies inside the edge from (4, 0) to (4, 4)
+    let together = [&coarse[..], &fine].concat();
+    assert!(listed(&together).cracks() > 0);
+    // split there, it does not any more
+    let halves = [coarse[0], [(4, 2), (4, 0), (0, 4)], [(4, 4), (4, 2), (0, 4)]];
+    assert_eq!(listed(&[&halves[..], &fine].concat()).cracks(), 0);
+    // a triangle that is there twice, and one that is not there
+    assert!(listed(&[coarse[0], coarse[0]]).cracks() > 0);
+    assert!(listed(&coarse[..1]).cracks() > 0);
+}
+
+/// Runs chains over scenes as a user does, and hands out each record with its name.
+fn measured(
+    terrain: &str,
+    camera: &str,
+    viewport: &str,
+    chains: &str,
+    sweep: &str,
+    check: impl Fn(&str, &serde_json::Value),
+) {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!(
+        "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: {viewport}), chains: {{ {chains} }}, \
+         sweep: {{ {sweep} }}, measure: [ScreenError, Mesh])"
+    );
+    std::fs::write(folder.path().join("split.ron"), text).unwrap();
+    succeeded(&run(folder.path(), &["run", "split.ron", "--out", "out"]));
+    for record in records(&folder.path().join("out")) {
+        check(&format!("{} {} on {terrain} from {camera}", record["chain"], record["settings"]), &record);
+    }
+}
+
+fn holds(terrain: &str, camera: &str, viewport: &str) {
+    let rest = "TriangleSplitting, Rasterize";
+    let chains = format!(
+        "\"paper\": [HeightPyramid, Roughness, VertexSplitting, {rest}], \
+         \"proven\": [HeightPyramid, Roughness(error: Proven), VertexSplitting, {rest}]"
+    );
+    let sweep = "\"*.VertexSplitting.threshold_px\": [0.5, 1, 3]";
+    measured(terrain, camera, viewport, &chains, sweep, |what, record| {
+        assert_eq!(measure(record, "cracks"), Some(0.0), "{what}");
+        assert_eq!(measure(record, "pinholes"), Some(0.0), "{what}");
+        assert_eq!(measure(record, "folded"), Some(0.0), "{what}");
+        let violations = measure(record, "bound_violations").unwrap();
+        if record["chain"] == "proven" {
+            assert_eq!(violations, 0.0, "{what}, worst {:?} px", measure(record, "bound_worst"));
+        }
+    });
+}
+
+#[test]
+fn bounds_hold_on_exact_shapes_from_everywhere() {
+    for (_, terrain) in SHAPES {
+        for (_, camera) in VIEWS {
+            holds(terrain, camera, "(160, 120)");
+        }
+    }
+}
+
+#[test]
+fn an_eye_may_be_anywhere() {
+    let eyes = [
+        "Still(eye: (300, 300, 0), yaw_deg: 40, pitch_deg: -5, clearance_m: 0)",
+        "Still(eye: (300, 300, 0), yaw_deg: 40, pitch_deg: -85, clearance_m: 0)",
+        "Still(eye: (300, 300, -200), yaw_deg: 10, pitch_deg: 30)",
+        "Still(eye: (300, 300, -200), yaw_deg: 10, pitch_deg: -30)",
+        "Still(eye: (0, 0, 0), yaw_deg: 45, pitch_deg: -5, clearance_m: 2)",
+        "Still(eye: (1280, 1280, 0), yaw_deg: 225, pitch_deg: 0, clearance_m: 0)",
+        "Still(eye: (640, 640, 250), yaw_deg: 90, pitch_deg: 0, clearance_m: 1)",
+    ];
+    for camera in eyes {
+        holds(ROUGH, camera, "(160, 120)");
+    }
+}
+
+#[test]
+fn bounds_hold_on_real_terrain() {
+    let Some(dem) = shared_dem() else { return };
+    let flights = [
+        (
+            "puget_sound_cascades_2049x1025.png\", cell_m: 90, height_scale_m: 0.125",
+            "Flight(frames: 2, clearance_m: 200, keys: [(eye: (90000, 42000, 2500), look_at: (150000, 50000, 1200)), (eye: (130000, 46000, 2600), look_at: (180000, 60000, 1500))])",
+        ),
+        (
+            "jacksboro_403x344.png\", cell_m: (74.48, 92.61), height_offset_m: 236",
+            "Flight(frames: 2, clearance_m: 150, keys: [(eye: (3000, 2000, 2600), look_at: (14000, 16000, 900)), (eye: (15000, 17000, 2300), look_at: (24000, 28000, 1200))])",
+        ),
+    ];
+    for (file, camera) in flights {
+        holds(&format!("Dem(file: \"{}/{file})", dem.display()), camera, "(320, 240)");
+    }
+}
+
+#[test]
+fn without_triangle_splitting_there_are_cracks() {
+    let chains = "\"open\": [HeightPyramid, Roughness, VertexSplitting, TriangleSplitting(split: false), Rasterize]";
+    measured(ROUGH, VIEWS[0].1, "(160, 120)", chains, "", |what, record| {
+        assert!(measure(record, "cracks").unwrap() > 100.0, "{what}");
+        assert!(measure(record, "bound_violations").unwrap() > 0.0, "{what}");
+    });
+}
+
+/// Lists that are too short are made longer between frames, and the mesh is the same.
+#[test]
+fn a_list_that_overflows_grows() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!(
+        "Experiment(scene: ({}), chains: {{ \
+         \"long\": [HeightPyramid, Roughness, VertexSplitting, TriangleSplitting, Rasterize], \
+         \"short\": [HeightPyramid, Roughness, VertexSplitting(capacity: 1), TriangleSplitting(capacity: 1), Rasterize], \
+         \"kept\": [HeightPyramid, Roughness, VertexSplitting(capacity: 1, start: LastFrame), TriangleSplitting(capacity: 1), Rasterize] \
+         }}, measure: [ScreenError, Mesh])",
+        scene(ROUGH, PATHS[1].1)
+    );
+    std::fs::write(folder.path().join("grow.ron"), text).unwrap();
+    let output = run(folder.path(), &["run", "grow.ron", "--out", "out"]);
+    succeeded(&output);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned() + &errors(&output);
+    for list in ["leaf", "live", "triangle", "tree"] {
+        assert!(said.contains(&format!("the list `{list}` holds")), "{list}: {said}");
+    }
+    let records = records(&folder.path().join("out"));
+    assert_eq!(records[0]["buffers"], records[1]["buffers"]);
+    // the same triangles in another order
+    for name in ["triangles", "cracks", "error_max", "bound_violations"] {
+        assert_eq!(measure(&records[0], name), measure(&records[2], name), "{name}");
+    }
+}
