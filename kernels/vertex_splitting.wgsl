@@ -6,7 +6,7 @@
 // The quadtree without pointers (Lee, Shin 2011, section 2.3): a list of vertices, each the centre of a block. In each round a
 // vertex is dropped, becomes a leaf, or is split into its four children. Four dispatches a round: `decide` looks at the
 // vertices, `sums` and `offsets` find where each of them writes, `append` writes. Lengths stay on the GPU. With a tree that is kept
-// from the frame before, `look` and `settle` go over it once, and the rounds only have what is new.
+// from the frame before, `look`, `sums_of_tree` and `append_tree` go over it once, and the rounds only have what is new.
 
 struct Params {
     terrain: Terrain,
@@ -16,6 +16,8 @@ struct Params {
     top: u32,
     /// The last round, after which there are no vertices.
     is_last: u32,
+    /// Level of the blocks that are regions.
+    region_level: u32,
     /// Elements of the lists.
     live_capacity: u32,
     leaf_capacity: u32,
@@ -62,19 +64,14 @@ struct Params {
 @group(0) @binding(18) var<storage, read_write> clear: array<vec4<u32>>;
 /// For the leaves, the vertices and the tree: the most elements that were wanted.
 @group(0) @binding(19) var<storage, read_write> needed: array<u32>;
-/// The tree of the frame before: all its nodes, and how many.
+/// All nodes of the tree, in two halves: that of the frame before and this frame's.
 @group(0) @binding(20) var<storage, read_write> tree: array<vec2<u32>>;
+/// Nodes of the frame before, which half is this frame's, and its nodes so far.
 @group(0) @binding(21) var<storage, read_write> tree_count: array<u32>;
-/// The tree of this frame.
-@group(0) @binding(22) var<storage, read_write> tree_out: array<vec2<u32>>;
-@group(0) @binding(23) var<storage, read_write> tree_out_count: array<u32>;
-@group(0) @binding(28) var<storage, read> tree_kept_count: array<u32>;
-/// A bit for each block that is split unless a block above it is not.
-@group(0) @binding(24) var<storage, read_write> open: array<atomic<u32>>;
-@group(0) @binding(25) var<storage, read_write> seen_out: array<u32>;
-@group(0) @binding(26) var<storage, read> seen: array<u32>;
 /// Workgroups to visit the tree of the frame before.
-@group(0) @binding(27) var<storage, read_write> tree_work: array<u32>;
+@group(0) @binding(22) var<storage, read_write> tree_work: array<u32>;
+/// A bit for each region of the terrain: in it, a block is split no more.
+@group(0) @binding(23) var<storage, read_write> closed: array<atomic<u32>>;
 
 /// The roughness is a bound, and the decision keeps it.
 override PROVEN: bool = false;
@@ -269,16 +266,28 @@ fn begin() {
 /// Starts with the tree of the frame before, or with the root where there is none.
 @compute @workgroup_size(1)
 fn begin_again() {
-    let is_first = tree_count[0] == 0u;
+    let count = tree_count[NODES_NOW];
+    tree_count[NODES_BEFORE] = count;
+    tree_count[HALF] = 1u - min(tree_count[HALF], 1u);
+    tree_count[NODES_NOW] = 0u;
     live_out[0] = node_of(params.top, vec2(0u));
-    put_work(work_for(select(0u, 1u, is_first), 1u));
-    let work = work_for(tree_count[0], 1u);
+    put_work(work_for(select(0u, 1u, count == 0u), 1u));
+    let work = work_for(count, 1u);
     for (var i = 0u; i < 4u; i++) {
         leaf_count[i] = 0u;
         needed[i] = 0u;
-        tree_out_count[i] = 0u;
         tree_work[i] = work[i];
     }
+}
+
+/// Where in `tree_count` things are.
+const NODES_BEFORE: u32 = 0u;
+const HALF: u32 = 1u;
+const NODES_NOW: u32 = 2u;
+
+/// A node of the frame before.
+fn node_before(at: u32) -> vec2<u32> {
+    return tree[(1u - tree_count[HALF]) * params.tree_capacity + at];
 }
 
 @compute @workgroup_size(64)
@@ -321,12 +330,6 @@ fn sums(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     sum_up(thread_number(group, groups, lane), live_count[3]);
 }
 
-@compute @workgroup_size(64)
-fn sums_of_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                @builtin(local_invocation_index) lane: u32) {
-    sum_up(thread_number(group, groups, lane), tree_count[0]);
-}
-
 var<workgroup> chunk_wants: array<vec4<u32>, 64>;
 
 /// From what each workgroup appends to where; and the work of the next round.
@@ -338,7 +341,8 @@ fn offsets(@builtin(local_invocation_index) lane: u32) {
 @compute @workgroup_size(64)
 fn offsets_of_tree(@builtin(local_invocation_index) lane: u32) {
     // without a tree there is the root
-    advance(lane, tree_count[0], select(0u, 1u, tree_count[0] == 0u));
+    let count = tree_count[NODES_BEFORE];
+    advance(lane, count, select(0u, 1u, count == 0u));
 }
 
 /// `live_before` vertices are in the next round's list already.
@@ -361,7 +365,7 @@ fn advance(lane: u32, visited: u32, live_before: u32) {
     }
     var tree_before = 0u;
     if KEEP {
-        tree_before = tree_out_count[3];
+        tree_before = tree_count[NODES_NOW];
     }
     let start = vec4(leaf_count[3], live_before, tree_before, 0u);
     var at = start + before;
@@ -386,10 +390,8 @@ fn advance(lane: u32, visited: u32, live_before: u32) {
             leaf_count[i] = leaves[i];
         }
         if KEEP {
-            let nodes = work_for(select(0u, after.z, needed[3] == 0u), 1u);
-            for (var i = 0u; i < 4u; i++) {
-                tree_out_count[i] = nodes[i];
-            }
+            // a tree that did not fit is none
+            tree_count[NODES_NOW] = select(0u, after.z, needed[3] == 0u);
         }
     }
 }
@@ -406,14 +408,14 @@ fn put_live(at: u32, node: vec2<u32>) {
     }
 }
 
-/// Writes what a vertex has become.
-fn append_node(thread: u32, group: u32, node: vec2<u32>, level: u32) {
+/// Writes what a vertex has become. The bits of the frame before's tree are set already.
+fn append_node(thread: u32, node: vec2<u32>, level: u32, is_marked: bool) {
     let chosen = choice[thread];
     let fate = chosen >> FATE_BIT;
     if fate == GONE {
         return;
     }
-    let start = place[group] + unpacked(chosen);
+    let start = place[thread / GROUP] + unpacked(chosen);
     let at = place_of(node, level);
     let is_split = fate == SPLIT || fate == STAYS;
     if fate == LEAF {
@@ -421,8 +423,10 @@ fn append_node(thread: u32, group: u32, node: vec2<u32>, level: u32) {
     } else if fate == AGAIN {
         put_live(start.y, node);
     } else if is_split {
-        let index = index_of(level, at);
-        atomicOr(&split[index / 32u], bit_of(index));
+        if !is_marked {
+            let index = index_of(level, at);
+            atomicOr(&split[index / 32u], bit_of(index));
+        }
         let children = children_of(level, at);
         var next = 0u;
         for (var i = 0u; i < 4u; i++) {
@@ -440,7 +444,7 @@ fn append_node(thread: u32, group: u32, node: vec2<u32>, level: u32) {
     }
     if KEEP && fate != AGAIN {
         if start.z < params.tree_capacity {
-            tree_out[start.z] = vec2(node.x, level << 1u | select(0u, FLAG, is_split));
+            tree[tree_count[HALF] * params.tree_capacity + start.z] = vec2(node.x, level << 1u | select(0u, FLAG, is_split));
         }
     }
 }
@@ -451,27 +455,56 @@ fn append(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) grou
     let thread = thread_number(group, groups, lane);
     if thread < live_count[3] {
         let node = live[thread];
-        append_node(thread, thread / GROUP, node, level_of(node));
+        append_node(thread, node, level_of(node), false);
     }
 }
 
-/// Looks at all nodes of the frame before.
+/// Regions are at least that many levels below the root.
+fn region_of(level: u32, at: vec2<u32>) -> u32 {
+    var region = at >> vec2(max(params.region_level, level) - level);
+    region = region << vec2(max(params.region_level, level) - params.region_level);
+    return region.y * level_size(last_sample(), params.region_level).x + region.x;
+}
+
+/// Notes in all regions under a block that it is split no more.
+fn close(level: u32, at: vec2<u32>) {
+    let regions = level_size(last_sample(), params.region_level);
+    let side = 1u << (max(params.region_level, level) - params.region_level);
+    let first = region_of(level, at);
+    for (var i = 0u; i < side * side; i++) {
+        let offset = vec2(i % side, i / side);
+        if all(vec2(first % regions.x, first / regions.x) + offset < regions) {
+            let region = first + offset.y * regions.x + offset.x;
+            atomicOr(&closed[region / 32u], bit_of(region));
+        }
+    }
+}
+
+/// Looks at all nodes of the frame before, as if all blocks above them were split.
 @compute @workgroup_size(64)
 fn look(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread >= tree_count[0] {
+    if thread >= tree_count[NODES_BEFORE] {
         return;
     }
-    let node = tree[thread];
+    let node = node_before(thread);
     let level = level_carried(node);
     let at = place_of(node, level);
-    let fate = decide_on(level, at);
-    seen_out[thread] = fate;
+    var fate = decide_on(level, at);
+    let was_split = (node.y & FLAG) != 0u;
     if fate == SPLIT {
         let index = index_of(level, at);
-        atomicOr(&open[index / 32u], bit_of(index));
+        atomicOr(&split[index / 32u], bit_of(index));
+        fate = select(SPLIT, STAYS, was_split);
     }
+    // (a loop and no condition: software adapters go through both sides of those)
+    var closes = was_split && fate != STAYS;
+    while closes {
+        close(level, at);
+        closes = false;
+    }
+    choice_out[thread] = wants_of(fate, level, at) | fate << FATE_BIT;
 }
 
 /// Whether all blocks above one are split.
@@ -479,52 +512,47 @@ fn is_reached(level: u32, at: vec2<u32>) -> bool {
     var reached = true;
     for (var above = level + 1u; above <= params.top && reached; above++) {
         let index = index_of(above, at >> vec2(above - level));
-        reached = (atomicLoad(&open[index / 32u]) & bit_of(index)) != 0u;
+        reached = (atomicLoad(&split[index / 32u]) & bit_of(index)) != 0u;
     }
     return reached;
 }
 
-/// Which nodes of the frame before are still there, and which are split now.
+/// Sums up what 64 nodes append that are still there. What is under a block that is split no more is gone, and its bit with it:
+/// that changes nothing for what is below, which is under that block as well.
 @compute @workgroup_size(64)
-fn settle(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-          @builtin(local_invocation_index) lane: u32) {
-    let thread = thread_number(group, groups, lane);
-    if thread < tree_count[0] {
-        let node = tree[thread];
+fn sums_of_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+                @builtin(local_invocation_index) lane: u32) {
+    let number = thread_number(group, groups, lane);
+    let first = number * GROUP;
+    let count = tree_count[NODES_BEFORE];
+    if first >= count {
+        return;
+    }
+    let end = min(first + GROUP, count);
+    for (var i = first; i < end; i++) {
+        let node = node_before(i);
         let level = level_carried(node);
         let at = place_of(node, level);
-        var fate = GONE;
-        if is_reached(level, at) {
-            fate = seen[thread];
-            if fate == SPLIT && (node.y & FLAG) != 0u {
-                fate = STAYS;
+        let region = region_of(level, at);
+        var may_be_gone = (atomicLoad(&closed[region / 32u]) & bit_of(region)) != 0u;
+        while may_be_gone {
+            if !is_reached(level, at) {
+                let index = index_of(level, at);
+                choice_out[i] = GONE << FATE_BIT;
+                atomicAnd(&split[index / 32u], ~bit_of(index));
             }
+            may_be_gone = false;
         }
-        choice_out[thread] = wants_of(fate, level, at) | fate << FATE_BIT;
     }
+    sum_up(number, count);
 }
 
 @compute @workgroup_size(64)
 fn append_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread < tree_count[0] {
-        let node = tree[thread];
-        append_node(thread, thread / GROUP, node, level_carried(node));
+    if thread < tree_count[NODES_BEFORE] {
+        let node = node_before(thread);
+        append_node(thread, node, level_carried(node), true);
     }
-}
-
-/// This frame's tree for the next one; none if it did not fit.
-@compute @workgroup_size(64)
-fn keep(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-        @builtin(local_invocation_index) lane: u32) {
-    let thread = thread_number(group, groups, lane);
-    if thread < tree_kept_count[3] {
-        tree[thread] = tree_out[thread];
-    }
-}
-
-@compute @workgroup_size(1)
-fn keep_count() {
-    tree_count[0] = tree_kept_count[3];
 }

@@ -43,6 +43,15 @@ struct Prepared {
     params_stride: Option<u32>,
 }
 
+/// What steps can share.
+#[derive(Default)]
+struct Made {
+    modules: BTreeMap<String, wgpu::ShaderModule>,
+    /// By kernel, entry point, and constants with what is drawn.
+    pipelines: BTreeMap<(String, String, String), Pipeline>,
+}
+
+#[derive(Clone)]
 enum Pipeline {
     Compute(wgpu::ComputePipeline),
     Render(wgpu::RenderPipeline),
@@ -63,10 +72,10 @@ impl<'a> Executor<'a> {
         // the default is nearest and clamped to the edge
         let nearest = gpu.device.create_sampler(&wgpu::SamplerDescriptor::default());
         let mut executor = Self { gpu, plan, buffers, steps: Vec::new(), stamps: None, nearest, prepare_ms: 0.0 };
-        let mut modules = BTreeMap::new();
+        let mut made = Made::default();
         let spare = make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?;
         for step in &plan.steps {
-            let prepared = executor.prepare(step, &mut modules, &spare)?;
+            let prepared = executor.prepare(step, &mut made, &spare)?;
             executor.steps.push(prepared);
         }
         if gpu.summary.timestamps && !plan.steps.is_empty() {
@@ -123,8 +132,11 @@ impl<'a> Executor<'a> {
     fn submit(&self, chosen: &[usize], frame: usize) -> Result<SubmissionTime, GpuError> {
         let start = Instant::now();
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        for &at in chosen {
-            self.encode(&mut encoder, at, frame);
+        // beginning a pass costs as much as a small kernel: with no stamps to write, steps share one
+        let is_compute = |at: usize| matches!(self.steps[at].pipeline, Pipeline::Compute(_));
+        let shares = |a: &usize, b: &usize| self.stamps.is_none() && is_compute(*a) && is_compute(*b);
+        for steps in chosen.chunk_by(shares) {
+            self.encode(&mut encoder, steps, frame);
         }
         if let Some(stamps) = &self.stamps {
             let count = 2 * self.plan.steps.len() as u32;
@@ -137,12 +149,13 @@ impl<'a> Executor<'a> {
         self.times(chosen, wall_ms)
     }
 
-    fn encode(&self, encoder: &mut wgpu::CommandEncoder, at: usize, frame: usize) {
+    /// One pass: any number of compute steps, or one draw.
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, steps: &[usize], frame: usize) {
+        let Some(&at) = steps.first() else { return };
         let (step, prepared) = (&self.plan.steps[at], &self.steps[at]);
-        let offset = prepared.params_stride.map(|stride| stride * frame as u32);
         let stamps = self.stamps.as_ref().map(|stamps| (&stamps.queries, 2 * at as u32));
         match (&prepared.pipeline, &step.work) {
-            (Pipeline::Compute(pipeline), work) => {
+            (Pipeline::Compute(_), _) => {
                 let timestamp_writes = stamps.map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
                     query_set,
                     beginning_of_pass_write_index: Some(first),
@@ -150,17 +163,7 @@ impl<'a> Executor<'a> {
                 });
                 let mut pass = encoder
                     .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&step.label), timestamp_writes });
-                pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, &prepared.bind_group, offset.as_slice());
-                match work {
-                    Work::Groups([x, y, z]) => pass.dispatch_workgroups(*x, *y, *z),
-                    Work::Indirect(id) => {
-                        if let Some(buffer) = self.buffers[id.0].as_ref().and_then(Place::array) {
-                            pass.dispatch_workgroups_indirect(buffer, 0);
-                        }
-                    }
-                    Work::Draw { .. } => {}
-                }
+                steps.iter().for_each(|&at| self.dispatch(&mut pass, at, frame));
             }
             (Pipeline::Render(pipeline), Work::Draw { vertices, target, .. }) => {
                 let Some(Place::Target { view, depth, .. }) = &self.buffers[target.0] else { return };
@@ -190,7 +193,7 @@ impl<'a> Executor<'a> {
                     ..Default::default()
                 });
                 pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, &prepared.bind_group, offset.as_slice());
+                pass.set_bind_group(0, &prepared.bind_group, self.offset(at, frame).as_slice());
                 match vertices {
                     Vertices::Strip(vertices) => pass.draw(0..*vertices, 0..1),
                     Vertices::List(id) => {
@@ -201,6 +204,27 @@ impl<'a> Executor<'a> {
                 }
             }
             _ => {}
+        }
+    }
+
+    /// Where a step's parameters of a frame are.
+    fn offset(&self, at: usize, frame: usize) -> Option<u32> {
+        self.steps[at].params_stride.map(|stride| stride * frame as u32)
+    }
+
+    fn dispatch(&self, pass: &mut wgpu::ComputePass, at: usize, frame: usize) {
+        let (step, prepared) = (&self.plan.steps[at], &self.steps[at]);
+        let Pipeline::Compute(pipeline) = &prepared.pipeline else { return };
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &prepared.bind_group, self.offset(at, frame).as_slice());
+        match step.work {
+            Work::Groups([x, y, z]) => pass.dispatch_workgroups(x, y, z),
+            Work::Indirect(id) => {
+                if let Some(buffer) = self.buffers[id.0].as_ref().and_then(Place::array) {
+                    pass.dispatch_workgroups_indirect(buffer, 0);
+                }
+            }
+            Work::Draw { .. } => {}
         }
     }
 
@@ -291,13 +315,9 @@ impl<'a> Executor<'a> {
         })
     }
 
-    fn prepare(
-        &self,
-        step: &Step,
-        modules: &mut BTreeMap<String, wgpu::ShaderModule>,
-        spare: &wgpu::Buffer,
-    ) -> Result<Prepared, GpuError> {
-        let module = modules.entry(step.kernel.hash()).or_insert_with(|| make_module(self.gpu, &step.kernel));
+    fn prepare(&self, step: &Step, made: &mut Made, spare: &wgpu::Buffer) -> Result<Prepared, GpuError> {
+        let hash = step.kernel.hash();
+        let module = made.modules.entry(hash.clone()).or_insert_with(|| make_module(self.gpu, &step.kernel));
         let entries: Vec<&Entry> = step
             .kernel
             .entries
@@ -315,9 +335,16 @@ impl<'a> Executor<'a> {
             .filter(|(name, _)| step.kernel.overrides.contains(name))
             .map(|(name, value)| (name.as_str(), *value))
             .collect();
-        let what = format!("the pipeline of `{}` ({})", step.label, step.kernel.name);
-        let pipeline =
-            self.gpu.scoped(&what, || make_pipeline(self.gpu, self.plan, step, module, &layout, &constants))?;
+        // rounds of a stage differ in what they bind, not in what they run
+        let key = (hash, step.entry.clone(), format!("{constants:?} {:?}", step.work.drawn()));
+        let pipeline = match made.pipelines.get(&key) {
+            Some(pipeline) => pipeline.clone(),
+            None => {
+                let what = format!("the pipeline of `{}` ({})", step.label, step.kernel.name);
+                let new = || make_pipeline(self.gpu, self.plan, step, module, &layout, &constants);
+                made.pipelines.entry(key).or_insert(self.gpu.scoped(&what, new)?).clone()
+            }
+        };
         Ok(Prepared { pipeline, bind_group, params_stride: params.map(|(_, _, stride)| stride) })
     }
 

@@ -112,6 +112,18 @@ pub enum Vertices {
     List(BufferId),
 }
 
+impl Work {
+    /// What a draw's pipeline depends on: strip or list, the target, the fragment shader.
+    pub fn drawn(&self) -> Option<(bool, BufferId, &str)> {
+        match self {
+            Work::Draw { vertices, target, fragment } => {
+                Some((matches!(vertices, Vertices::Strip(_)), *target, fragment))
+            }
+            _ => None,
+        }
+    }
+}
+
 /// A list whose length only the GPU knows, and where it says how long it wanted to be. Checked between frames.
 #[derive(Clone, Debug)]
 pub struct Guard {

@@ -18,7 +18,7 @@ pub const INFO: Info = Info {
     source: "bindings by variable name; parameters by field name; `camera`, `terrain` and `size` are filled in if the kernel has them",
     reads: &[],
     writes: &[],
-    kernels: &[],
+    kernels: &["limit_groups.wgsl"],
     params: &[
         ("file", "required", "WGSL file, relative to the experiment"),
         ("entry", "\"main\"", "entry point"),
@@ -260,14 +260,18 @@ impl Kernel {
 }
 
 impl Kernel {
-    fn indirect(&self, chain: &Chain, name: &str) -> Result<BufferId, Diagnostic> {
+    fn indirect(&self, chain: &mut Chain, name: &str) -> Result<BufferId, Diagnostic> {
         let id = chain.read(name).map_err(|error| error.at(&self.over_origin, "asked for here"))?;
         let buffer = chain.buffer(id);
-        match buffer.elem == Elem::U32 && buffer.elements() >= 3 {
-            true => Ok(id),
-            false => Err(Diagnostic::input(format!("`{name}` does not hold numbers of workgroups"))
-                .at(&self.over_origin, "expected a buffer of three U32")),
+        if buffer.elem != Elem::U32 || buffer.elements() < 3 {
+            return Err(Diagnostic::input(format!("`{name}` does not hold numbers of workgroups"))
+                .at(&self.over_origin, "expected a buffer of three U32"));
         }
+        let limited = chain.make(&format!("{name}_limited"), Elem::U32, &[3], "", "workgroups along x, y, z");
+        let kernel = Wgsl::built_in("limit_groups.wgsl")?;
+        let step = chain.step("limit groups", &kernel, "limit");
+        step.bind("groups", id).bind("limited", limited).over(UVec2::ONE)?;
+        Ok(limited)
     }
 }
 

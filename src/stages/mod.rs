@@ -84,6 +84,7 @@ pub const REGISTRY: &[Info] = &[
     kernel::INFO,
 ];
 
+pub use height_pyramid::Layout;
 pub use shade::RGBA8;
 
 /// The buffers a stage of the registry writes.

@@ -102,10 +102,14 @@ struct Tree {
     nodes: BufferId,
     count: BufferId,
     work: BufferId,
-    nodes_out: BufferId,
-    count_out: BufferId,
-    open: BufferId,
-    seen: BufferId,
+    closed: BufferId,
+}
+
+/// How many levels below the root the regions are in which something may be split no more.
+const REGIONS_BELOW: u32 = 9;
+
+fn region_level(layout: Layout) -> u32 {
+    layout.top.saturating_sub(REGIONS_BELOW).max(1)
 }
 
 impl Lists {
@@ -135,20 +139,13 @@ impl Lists {
         let visited = if keeps { live.max(nodes) } else { live };
         let vertices = "centre of a block in half cells, 16 bits each; flag and level";
         let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
+        let regions = layout.size(region_level(layout)).element_product().div_ceil(32).next_multiple_of(4);
+        let halves = "all nodes of the quadtree: of the frame before, and of this one";
         let tree = keeps.then(|| Tree {
-            nodes: chain.make_kept(
-                "tree",
-                Elem::Vec2U32,
-                &[nodes],
-                "",
-                "all nodes of the quadtree in the frame before",
-            ),
-            count: chain.make_kept("tree_count", Elem::U32, &[1], "", "how many"),
-            work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
-            nodes_out: chain.make("tree_now", Elem::Vec2U32, &[nodes], "", "all nodes of the quadtree"),
-            count_out: chain.make("tree_now_count", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
-            open: chain.make("open", Elem::U32, &[words], "", "a bit for each block that is rough"),
-            seen: chain.make("seen", Elem::U32, &[nodes], "", "what becomes of each node of the frame before"),
+            nodes: chain.make_kept("tree", Elem::Vec2U32, &[2, nodes], "", halves),
+            count: chain.make_kept("tree_count", Elem::U32, &[3], "", "nodes before, which half is now, nodes now"),
+            work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
+            closed: chain.make("closed", Elem::U32, &[regions], "", "a bit for each region: a block is split no more"),
         });
         Ok(Self {
             inputs,
@@ -198,6 +195,7 @@ impl VertexSplitting {
             .set("stride", lists.layout.stride)
             .set("tall", lists.layout.tall)
             .set("top", lists.layout.top)
+            .set("region_level", region_level(lists.layout))
             .set("is_last", u32::from(round + 1 == lists.layout.top))
             .set("live_capacity", live)
             .set("leaf_capacity", leaves)
@@ -260,8 +258,8 @@ impl VertexSplitting {
             .bind("live_count_out", next_count)
             .bind("needed", lists.needed);
         Ok(match &lists.tree {
-            Some(tree) => step.bind("tree_out_count", tree.count_out),
-            None => step.leave_unbound("tree_out_count"),
+            Some(tree) => step.bind("tree_count", tree.count),
+            None => step.leave_unbound("tree_count"),
         })
     }
 
@@ -281,8 +279,8 @@ impl VertexSplitting {
             .bind("live_out", next)
             .bind("split", lists.split);
         Ok(match &lists.tree {
-            Some(tree) => step.bind("tree_out", tree.nodes_out),
-            None => step.leave_unbound("tree_out"),
+            Some(tree) => step.bind("tree", tree.nodes).bind("tree_count", tree.count),
+            None => step.leave_unbound("tree").leave_unbound("tree_count"),
         })
     }
 
@@ -296,32 +294,24 @@ impl VertexSplitting {
             .bind("roughness", roughness)
             .bind("tree", tree.nodes)
             .bind("tree_count", tree.count)
-            .bind("seen_out", tree.seen)
-            .bind("open", tree.open)
-            .over_indirect(tree.work)?;
-        self.step(chain, lists, "settle", "settle", 0)?
-            .bind("tree", tree.nodes)
-            .bind("tree_count", tree.count)
-            .bind("seen", tree.seen)
-            .bind("open", tree.open)
             .bind("choice_out", lists.choice)
+            .bind("split", lists.split)
+            .bind("closed", tree.closed)
             .over_indirect(tree.work)?;
         self.step(chain, lists, "sums of tree", "sums_of_tree", 0)?
+            .bind("tree", tree.nodes)
             .bind("tree_count", tree.count)
             .bind("choice_out", lists.choice)
             .bind("wanted_out", lists.wanted)
+            .bind("split", lists.split)
+            .bind("closed", tree.closed)
             .over_indirect(tree.work)?;
-        self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?
-            .bind("tree_count", tree.count)
-            .over(UVec2::ONE)?;
-        self.append(chain, lists, "append tree", "append_tree", lists.live[0])?
-            .bind("tree", tree.nodes)
-            .bind("tree_count", tree.count)
-            .over_indirect(tree.work)
+        self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?.over(UVec2::ONE)?;
+        self.append(chain, lists, "append tree", "append_tree", lists.live[0])?.over_indirect(tree.work)
     }
 
     fn begin(&self, chain: &mut Chain, lists: &Lists, count: BufferId) -> Result<(), Diagnostic> {
-        let cleared = lists.tree.as_ref().map(|tree| tree.open).into_iter().chain([lists.split]);
+        let cleared = lists.tree.as_ref().map(|tree| tree.closed).into_iter().chain([lists.split]);
         for bits in cleared {
             let vectors = chain.buffer(bits).dims[0] / 4;
             let step = self.step(chain, lists, "clear", "clear_bits", 0)?;
@@ -337,10 +327,7 @@ impl VertexSplitting {
         match &lists.tree {
             None => step.over(UVec2::ONE),
             Some(tree) => {
-                step.bind("tree_count", tree.count)
-                    .bind("tree_work", tree.work)
-                    .bind("tree_out_count", tree.count_out)
-                    .over(UVec2::ONE)?;
+                step.bind("tree_count", tree.count).bind("tree_work", tree.work).over(UVec2::ONE)?;
                 self.settle(chain, lists, tree, count)
             }
         }
@@ -360,16 +347,7 @@ impl Stage for VertexSplitting {
             self.round(chain, &lists, round, [counts[round as usize], counts[round as usize + 1]])?;
         }
         chain.promise(Promise { bound_px: self.threshold_px, proven: lists.proven }, lists.leaf);
-        let Some(tree) = &lists.tree else { return Ok(()) };
-        self.step(chain, &lists, "keep", "keep", 0)?
-            .bind("tree", tree.nodes)
-            .bind("tree_out", tree.nodes_out)
-            .bind("tree_kept_count", tree.count_out)
-            .over_indirect(tree.count_out)?;
-        self.step(chain, &lists, "keep count", "keep_count", 0)?
-            .bind("tree_count", tree.count)
-            .bind("tree_kept_count", tree.count_out)
-            .over(UVec2::ONE)
+        Ok(())
     }
 
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) {
