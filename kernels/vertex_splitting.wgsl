@@ -6,7 +6,7 @@
 // The quadtree without pointers (Lee, Shin 2011, section 2.3): a list of vertices, each the centre of a block. In each round a
 // vertex is dropped, becomes a leaf, or is split into its four children. Four dispatches a round: `decide` looks at the
 // vertices, `sums` and `offsets` find where each of them writes, `append` writes. Lengths stay on the GPU. With a tree that is kept
-// from the frame before, `look`, `sums_of_tree` and `append_tree` go over it once, and the rounds only have what is new.
+// from the frame before, `recall` to `append_tree` go over it once, and the rounds only have what is new.
 
 struct Params {
     terrain: Terrain,
@@ -37,6 +37,9 @@ struct Params {
     /// Of all rays with length 1 along the view direction: the longest, and the most that a metre of height moves one, at a distance of 1.
     ray_most: f32,
     tilt_most: f32,
+    /// The way that the eye has come since the path began, in metres, and what the camera has turned, in radians.
+    travelled_m: f32,
+    turned: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -71,7 +74,20 @@ struct Params {
 /// Workgroups to visit the tree of the frame before.
 @group(0) @binding(22) var<storage, read_write> tree_work: array<u32>;
 /// A bit for each region of the terrain: in it, a block is split no more.
-@group(0) @binding(23) var<storage, read_write> closed: array<atomic<u32>>;
+@group(0) @binding(23) var<storage, read_write> closing: array<atomic<u32>>;
+@group(0) @binding(26) var<storage, read> closed: array<u32>;
+/// Nodes of the frame before to look at again, and nodes that may be gone; with workgroups along x, y, z, and how many.
+@group(0) @binding(27) var<storage, read_write> stale: array<u32>;
+@group(0) @binding(28) var<storage, read_write> stale_work: array<atomic<u32>>;
+@group(0) @binding(29) var<storage, read_write> suspects: array<u32>;
+/// Of the list that is visited.
+@group(0) @binding(31) var<storage, read> work: array<u32>;
+@group(0) @binding(30) var<storage, read_write> suspect_work: array<atomic<u32>>;
+/// Workgroups to clear the bits of all blocks.
+@group(0) @binding(25) var<storage, read_write> clear_work: array<u32>;
+/// For each node of both halves, how long what became of it holds: how far the nearest of it was, how much motion it allows, and
+/// where the camera was (travelled, turned) when that was found.
+@group(0) @binding(24) var<storage, read_write> rest: array<vec4<f32>>;
 
 /// The roughness is a bound, and the decision keeps it.
 override PROVEN: bool = false;
@@ -155,20 +171,29 @@ fn point_at(sample: vec2<u32>) -> vec3<f32> {
     return vec3(ground, relative_height(params.terrain, height[sample.y * params.terrain.size.x + sample.x]));
 }
 
-/// Eq. 2: inside the block's sphere, or with an error of at least the threshold at one of its five points.
-fn is_rough(level: u32, at: vec2<u32>, box: Box, rise_m: f32) -> bool {
+/// A block's five points: its centre and the middles of its edges.
+fn five_points(level: u32, at: vec2<u32>) -> array<vec3<f32>, 5> {
+    let block = block_of(level, at, last_sample());
+    return array<vec3<f32>, 5>(point_at(block.middle), point_at(vec2(block.middle.x, block.low.y)),
+                               point_at(vec2(block.middle.x, block.high.y)), point_at(vec2(block.low.x, block.middle.y)),
+                               point_at(vec2(block.high.x, block.middle.y)));
+}
+
+fn most_error_px(points: array<vec3<f32>, 5>, rise_m: f32) -> f32 {
+    let a = max(error_px(points[0], rise_m), error_px(points[1], rise_m));
+    let b = max(error_px(points[2], rise_m), error_px(points[3], rise_m));
+    return max(max(a, b), error_px(points[4], rise_m));
+}
+
+fn is_in_sphere(box: Box) -> bool {
     let centre = 0.5 * (box.low + box.high);
     let half = box.high - centre;
-    if dot(centre, centre) < dot(half, half) {
-        return true;
-    }
-    let block = block_of(level, at, last_sample());
-    var most = error_px(point_at(block.middle), rise_m);
-    most = max(most, error_px(point_at(vec2(block.middle.x, block.low.y)), rise_m));
-    most = max(most, error_px(point_at(vec2(block.middle.x, block.high.y)), rise_m));
-    most = max(most, error_px(point_at(vec2(block.low.x, block.middle.y)), rise_m));
-    most = max(most, error_px(point_at(vec2(block.high.x, block.middle.y)), rise_m));
-    return most >= params.threshold_px;
+    return dot(centre, centre) < dot(half, half);
+}
+
+/// Eq. 2: inside the block's sphere, or with an error of at least the threshold at one of its five points.
+fn is_rough(level: u32, at: vec2<u32>, box: Box, rise_m: f32) -> bool {
+    return is_in_sphere(box) || most_error_px(five_points(level, at), rise_m) >= params.threshold_px;
 }
 
 /// Whether a point of the block that is in the picture can be off by the threshold: no such point is nearer, along the view
@@ -246,9 +271,9 @@ fn clear_bits(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgro
     }
 }
 
-fn put_work(work: vec4<u32>) {
+fn put_work(next: vec4<u32>) {
     for (var i = 0u; i < 4u; i++) {
-        live_count_out[i] = work[i];
+        live_count_out[i] = next[i];
     }
 }
 
@@ -272,11 +297,19 @@ fn begin_again() {
     tree_count[NODES_NOW] = 0u;
     live_out[0] = node_of(params.top, vec2(0u));
     put_work(work_for(select(0u, 1u, count == 0u), 1u));
-    let work = work_for(count, 1u);
+    let visits = work_for(count, 1u);
     for (var i = 0u; i < 4u; i++) {
         leaf_count[i] = 0u;
         needed[i] = 0u;
-        tree_work[i] = work[i];
+        tree_work[i] = visits[i];
+    }
+    // the bits of the frame before are this frame's, but for what changes
+    let cleared = work_for(select(0u, arrayLength(&clear), count == 0u), 1u);
+    for (var i = 0u; i < 4u; i++) {
+        clear_work[i] = cleared[i];
+        let none = select(0u, 1u, i == 1u || i == 2u);
+        atomicStore(&stale_work[i], none);
+        atomicStore(&suspect_work[i], none);
     }
 }
 
@@ -408,8 +441,8 @@ fn put_live(at: u32, node: vec2<u32>) {
     }
 }
 
-/// Writes what a vertex has become. The bits of the frame before's tree are set already.
-fn append_node(thread: u32, node: vec2<u32>, level: u32, is_marked: bool) {
+/// Writes what a vertex has become. What was split in the frame before has its bit.
+fn append_node(thread: u32, node: vec2<u32>, level: u32, known: vec4<f32>) {
     let chosen = choice[thread];
     let fate = chosen >> FATE_BIT;
     if fate == GONE {
@@ -423,7 +456,7 @@ fn append_node(thread: u32, node: vec2<u32>, level: u32, is_marked: bool) {
     } else if fate == AGAIN {
         put_live(start.y, node);
     } else if is_split {
-        if !is_marked {
+        if fate == SPLIT {
             let index = index_of(level, at);
             atomicOr(&split[index / 32u], bit_of(index));
         }
@@ -444,7 +477,10 @@ fn append_node(thread: u32, node: vec2<u32>, level: u32, is_marked: bool) {
     }
     if KEEP && fate != AGAIN {
         if start.z < params.tree_capacity {
-            tree[tree_count[HALF] * params.tree_capacity + start.z] = vec2(node.x, level << 1u | select(0u, FLAG, is_split));
+            let slot = tree_count[HALF] * params.tree_capacity + start.z;
+            let carried = select(0u, FLAG, is_split) | select(0u, OUT_OF_SIGHT, fate == CULLED);
+            tree[slot] = vec2(node.x, level << 1u | carried);
+            rest[slot] = known;
         }
     }
 }
@@ -455,7 +491,8 @@ fn append(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) grou
     let thread = thread_number(group, groups, lane);
     if thread < live_count[3] {
         let node = live[thread];
-        append_node(thread, node, level_of(node), false);
+        // nothing is known yet of how long that holds
+        append_node(thread, node, level_of(node), vec4(0.0));
     }
 }
 
@@ -464,6 +501,11 @@ fn region_of(level: u32, at: vec2<u32>) -> u32 {
     var region = at >> vec2(max(params.region_level, level) - level);
     region = region << vec2(max(params.region_level, level) - params.region_level);
     return region.y * level_size(last_sample(), params.region_level).x + region.x;
+}
+
+fn unmark(level: u32, at: vec2<u32>) {
+    let index = index_of(level, at);
+    atomicAnd(&split[index / 32u], ~bit_of(index));
 }
 
 /// Notes in all regions under a block that it is split no more.
@@ -475,36 +517,208 @@ fn close(level: u32, at: vec2<u32>) {
         let offset = vec2(i % side, i / side);
         if all(vec2(first % regions.x, first / regions.x) + offset < regions) {
             let region = first + offset.y * regions.x + offset.x;
-            atomicOr(&closed[region / 32u], bit_of(region));
+            atomicOr(&closing[region / 32u], bit_of(region));
         }
     }
 }
 
-/// Looks at all nodes of the frame before, as if all blocks above them were split.
+/// What becomes of a block, and for how long. Motion is the angle that the camera turns plus the angle under which its way is seen
+/// from the nearest of the block: by no more than that does the direction to any point of the block change.
+struct Outlook {
+    fate: u32,
+    distance_m: f32,
+    motion: f32,
+}
+
+/// The largest motion that is tried; if that is not certain, a block is looked at again in the next frame.
+const MOST_MOTION: f32 = 0.05;
+/// What rounding may do to a decision, as a part of both of its sides.
+const CERTAIN: f32 = 1.0e-3;
+
+/// The largest and the smallest error that a point can get by some motion: its direction, the way up and its distance all change.
+fn errors_by(motion: f32, point: vec3<f32>, rise_m: f32) -> vec2<f32> {
+    let p = vec3(dot(params.view_right, point), dot(params.view_up, point), dot(params.view_forward, point));
+    let up = vec3(params.view_right.z, params.view_up.z, params.view_forward.z);
+    let q = p + rise_m * up;
+    let far = length(q);
+    let aside = length(p.xy * up.z - up.xy * p.z) / length(p);
+    let ahead = vec2(abs(p.z) / length(p), abs(q.z) / far);
+    let scale = params.focal_px * rise_m / far;
+    let least = ahead - motion;
+    let most_px = scale * (aside + 3.0 * motion) / (least.x * least.y * (1.0 - motion));
+    let most = ahead + motion;
+    let least_px = scale * max(aside - 3.0 * motion, 0.0) / (most.x * most.y * (1.0 + motion));
+    return vec2(select(most_px, 3.0e38, min(least.x, least.y) <= motion), least_px);
+}
+
+/// How near a block's points, and those that its roughness moves them to, come to the eye.
+fn nearest_of(points: array<vec3<f32>, 5>, rise_m: f32) -> f32 {
+    var nearest = 3.0e38;
+    for (var k = 0u; k < 5u; k++) {
+        nearest = min(nearest, min(length(points[k]), length(points[k] + vec3(0.0, 0.0, rise_m))));
+    }
+    return nearest;
+}
+
+/// A motion to try, from how near two numbers are that have been compared.
+fn motion_for(a: f32, b: f32) -> f32 {
+    return min(0.07 * (1.0 - min(a, b) / max(a, b)), MOST_MOTION);
+}
+
+/// Whether Eq. 2 says the same after some motion.
+fn keeps_rough(motion: f32, points: array<vec3<f32>, 5>, rise_m: f32, splits: bool) -> bool {
+    var most = 0.0;
+    var least = 0.0;
+    for (var k = 0u; k < 5u; k++) {
+        let errors = errors_by(motion, points[k], rise_m);
+        most = max(most, errors.x);
+        least = max(least, errors.y);
+    }
+    let stays_leaf = most < params.threshold_px * (1.0 - CERTAIN);
+    let stays_split = least > params.threshold_px * (1.0 + CERTAIN);
+    return select(stays_leaf, stays_split, splits);
+}
+
+/// Whether `may_break` says the same after some motion; nothing of the block is farther than `farthest`.
+fn keeps_bound(motion: f32, box: Box, rise_m: f32, farthest: f32, splits: bool) -> bool {
+    let near = min(params.view_forward * box.low, params.view_forward * box.high);
+    let beside = max(max(box.low, -box.high), vec3(0.0));
+    let room = max(near.x + near.y + near.z, length(beside) / params.ray_most) - rise_m * abs(params.view_forward.z);
+    let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
+    let moves = (farthest + rise_m) * (motion + CERTAIN * 0.1);
+    let tilts = (params.ray_most + 1.0) * motion;
+    let most = params.focal_px * (params.tilt_most + tilts) * rise_m;
+    let least = params.focal_px * max(params.tilt_most - tilts, 0.0) * rise_m;
+    let stays_leaf = room > moves && most < allowed_px * (room - moves) * (1.0 - CERTAIN);
+    let stays_split = room + moves < 0.0 || least > allowed_px * (room + moves) * (1.0 + CERTAIN);
+    return select(stays_leaf, stays_split, splits);
+}
+
+/// `decide_on` with how long it holds.
+fn outlook_on(level: u32, at: vec2<u32>) -> Outlook {
+    let index = index_of(level, at);
+    let box = box_of(level, at, index);
+    let rise_m = roughness[index];
+    let farthest = length(max(abs(box.low), abs(box.high)));
+    var outlook = Outlook(decide_on(level, at), length(max(max(box.low, -box.high), vec3(0.0))), 1.0);
+    if CULL {
+        let sides = min(min(farthest_along(params.side_left, box), farthest_along(params.side_right, box)),
+                        min(farthest_along(params.side_top, box), farthest_along(params.side_bottom, box)));
+        // in the picture as long as no side is passed, out of it as long as the same one is
+        let inside = min(sides, farthest_along(params.view_forward, box));
+        outlook.motion = max(abs(inside) / farthest - CERTAIN * 0.1, 0.0);
+    }
+    if outlook.fate == CULLED || rise_m == 0.0 {
+        return outlook;
+    }
+    let splits = outlook.fate == SPLIT;
+    var kept = 0.0;
+    if PROVEN {
+        let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
+        let strain = params.focal_px * params.tilt_most * rise_m / max(allowed_px, 1.0e-6);
+        let motion = motion_for(strain, outlook.distance_m) * outlook.distance_m / farthest;
+        kept = select(0.0, motion, keeps_bound(motion, box, rise_m, farthest, splits));
+    } else {
+        let points = five_points(level, at);
+        outlook.distance_m = min(outlook.distance_m, nearest_of(points, rise_m));
+        let motion = motion_for(most_error_px(points, rise_m), params.threshold_px);
+        let centre = length(0.5 * (box.low + box.high));
+        let radius = length(0.5 * (box.high - box.low));
+        let sphere = max(abs(centre - radius) / max(outlook.distance_m, 1.0e-3) - CERTAIN, 0.0);
+        kept = select(0.0, motion, keeps_rough(motion, points, rise_m, splits));
+        // inside the sphere the errors do not count
+        kept = min(select(kept, 1.0, centre < radius), sphere);
+    }
+    outlook.motion = min(outlook.motion, kept);
+    return outlook;
+}
+
+/// Whether what was found about a node still holds.
+fn is_settled(known: vec4<f32>) -> bool {
+    // what rounding leaves of a long way
+    let way_m = abs(params.travelled_m - known.z) + 1.0e-6 * params.travelled_m;
+    let turn = abs(params.turned - known.w) + 1.0e-6 * (1.0 + params.turned);
+    return way_m < 0.25 * known.x && turn + 1.05 * way_m / known.x < known.y;
+}
+
+/// What became of a node, as far as it is known; as if all blocks above it were split.
+fn put_fate(thread: u32, node: vec2<u32>, found: u32) {
+    let level = level_carried(node);
+    let at = place_of(node, level);
+    let fate = select(found, STAYS, found == SPLIT && (node.y & FLAG) != 0u);
+    choice_out[thread] = wants_of(fate, level, at) | fate << FATE_BIT;
+}
+
+/// Appends to a list in any order: what is done with it does not depend on it. Its first three numbers are the workgroups to visit it.
+fn put_in_stale(thread: u32) {
+    let at = atomicAdd(&stale_work[3], 1u);
+    stale[at] = thread;
+    if at % GROUP == 0u {
+        atomicAdd(&stale_work[0], 1u);
+    }
+}
+
+fn put_in_suspects(thread: u32) {
+    let at = atomicAdd(&suspect_work[3], 1u);
+    suspects[at] = thread;
+    if at % GROUP == 0u {
+        atomicAdd(&suspect_work[0], 1u);
+    }
+}
+
+/// Goes over all nodes of the frame before, and lists those of which it must be found out again what becomes of them. (Lists
+/// and no conditions: software adapters go through both sides of those.)
+@compute @workgroup_size(64)
+fn recall(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+          @builtin(local_invocation_index) lane: u32) {
+    let thread = thread_number(group, groups, lane);
+    if thread >= tree_count[NODES_BEFORE] {
+        return;
+    }
+    let node = node_before(thread);
+    let was_split = (node.y & FLAG) != 0u;
+    put_fate(thread, node, select(select(LEAF, SPLIT, was_split), CULLED, (node.y & OUT_OF_SIGHT) != 0u));
+    if !is_settled(rest[(1u - tree_count[HALF]) * params.tree_capacity + thread]) {
+        put_in_stale(thread);
+    }
+}
+
+/// Looks at those nodes again.
 @compute @workgroup_size(64)
 fn look(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
+    let number = thread_number(group, groups, lane);
+    if number >= work[3] {
+        return;
+    }
+    let thread = stale[number];
+    let node = node_before(thread);
+    let level = level_carried(node);
+    let at = place_of(node, level);
+    let outlook = outlook_on(level, at);
+    rest[(1u - tree_count[HALF]) * params.tree_capacity + thread] =
+        vec4(outlook.distance_m, outlook.motion, params.travelled_m, params.turned);
+    put_fate(thread, node, outlook.fate);
+    if (node.y & FLAG) != 0u && outlook.fate != SPLIT {
+        unmark(level, at);
+        close(level, at);
+    }
+}
+
+/// Lists the nodes in regions where a block is split no more.
+@compute @workgroup_size(64)
+fn suspect(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+           @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
     if thread >= tree_count[NODES_BEFORE] {
         return;
     }
     let node = node_before(thread);
     let level = level_carried(node);
-    let at = place_of(node, level);
-    var fate = decide_on(level, at);
-    let was_split = (node.y & FLAG) != 0u;
-    if fate == SPLIT {
-        let index = index_of(level, at);
-        atomicOr(&split[index / 32u], bit_of(index));
-        fate = select(SPLIT, STAYS, was_split);
+    let region = region_of(level, place_of(node, level));
+    if (closed[region / 32u] & bit_of(region)) != 0u {
+        put_in_suspects(thread);
     }
-    // (a loop and no condition: software adapters go through both sides of those)
-    var closes = was_split && fate != STAYS;
-    while closes {
-        close(level, at);
-        closes = false;
-    }
-    choice_out[thread] = wants_of(fate, level, at) | fate << FATE_BIT;
 }
 
 /// Whether all blocks above one are split.
@@ -517,34 +731,29 @@ fn is_reached(level: u32, at: vec2<u32>) -> bool {
     return reached;
 }
 
-/// Sums up what 64 nodes append that are still there. What is under a block that is split no more is gone, and its bit with it:
-/// that changes nothing for what is below, which is under that block as well.
+/// What is under a block that is split no more is gone, and its bit with it: that changes nothing for what is below, which is under
+/// that block as well.
+@compute @workgroup_size(64)
+fn prune(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+         @builtin(local_invocation_index) lane: u32) {
+    let number = thread_number(group, groups, lane);
+    if number >= work[3] {
+        return;
+    }
+    let thread = suspects[number];
+    let node = node_before(thread);
+    let level = level_carried(node);
+    let at = place_of(node, level);
+    if !is_reached(level, at) {
+        choice_out[thread] = GONE << FATE_BIT;
+        unmark(level, at);
+    }
+}
+
 @compute @workgroup_size(64)
 fn sums_of_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                 @builtin(local_invocation_index) lane: u32) {
-    let number = thread_number(group, groups, lane);
-    let first = number * GROUP;
-    let count = tree_count[NODES_BEFORE];
-    if first >= count {
-        return;
-    }
-    let end = min(first + GROUP, count);
-    for (var i = first; i < end; i++) {
-        let node = node_before(i);
-        let level = level_carried(node);
-        let at = place_of(node, level);
-        let region = region_of(level, at);
-        var may_be_gone = (atomicLoad(&closed[region / 32u]) & bit_of(region)) != 0u;
-        while may_be_gone {
-            if !is_reached(level, at) {
-                let index = index_of(level, at);
-                choice_out[i] = GONE << FATE_BIT;
-                atomicAnd(&split[index / 32u], ~bit_of(index));
-            }
-            may_be_gone = false;
-        }
-    }
-    sum_up(number, count);
+    sum_up(thread_number(group, groups, lane), tree_count[NODES_BEFORE]);
 }
 
 @compute @workgroup_size(64)
@@ -553,6 +762,7 @@ fn append_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
     let thread = thread_number(group, groups, lane);
     if thread < tree_count[NODES_BEFORE] {
         let node = node_before(thread);
-        append_node(thread, node, level_carried(node), true);
+        let slot = (1u - tree_count[HALF]) * params.tree_capacity + thread;
+        append_node(thread, node, level_carried(node), rest[slot]);
     }
 }

@@ -93,7 +93,13 @@ fn a_flat_terrain_is_one_block() {
     }
 }
 
-const PATHS: [(&str, &str); 3] = [
+const PATHS: [(&str, &str); 5] = [
+    // most of what was found about a node holds for several frames
+    (
+        "slower",
+        "Flight(frames: 20, clearance_m: 20, keys: [(eye: (200, 200, 500), look_at: (900, 900, 100)), (eye: (220, 212, 495), look_at: (960, 880, 120))])",
+    ),
+    ("turning", "Orbit(frames: 16, center: (640, 640, 100), radius_m: 2000, height_m: 500, turns: 0.03)"),
     (
         "slow",
         "Flight(frames: 6, clearance_m: 20, keys: [(eye: (200, 200, 500), look_at: (900, 900, 100)), (eye: (230, 215, 490), look_at: (905, 910, 100))])",

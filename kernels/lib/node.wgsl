@@ -3,8 +3,10 @@
 
 /// What a vertex carries beside its place ("temporary buffer", section 3).
 const FLAG: u32 = 1u;
+/// Ours: outside the picture.
+const OUT_OF_SIGHT: u32 = 32u;
 
-/// x: column and row of the centre in half cells, 16 bits each; y: the flag, and above it the level.
+/// x: column and row of the centre in half cells, 16 bits each; y: the flag, above it four bits of level.
 fn node_of(level: u32, at: vec2<u32>) -> vec2<u32> {
     let centre = (2u * at + 1u) << vec2(level);
     return vec2(centre.x | centre.y << 16u, level << 1u);
@@ -15,7 +17,7 @@ fn level_from_centre(node: vec2<u32>) -> u32 {
 }
 
 fn level_carried(node: vec2<u32>) -> u32 {
-    return node.y >> 1u;
+    return (node.y >> 1u) & 15u;
 }
 
 /// Column and row of the block among those of its level.

@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::chain::StepBuilder;
-use crate::plan::{BufferId, Chain, Promise};
+use crate::plan::{BufferId, Chain, Promise, SceneData};
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {
@@ -103,6 +103,12 @@ struct Tree {
     count: BufferId,
     work: BufferId,
     closed: BufferId,
+    rest: BufferId,
+    clear_work: BufferId,
+    stale: BufferId,
+    stale_work: BufferId,
+    suspects: BufferId,
+    suspect_work: BufferId,
 }
 
 /// How many levels below the root the regions are in which something may be split no more.
@@ -145,6 +151,18 @@ impl Lists {
             nodes: chain.make_kept("tree", Elem::Vec2U32, &[2, nodes], "", halves),
             count: chain.make_kept("tree_count", Elem::U32, &[3], "", "nodes before, which half is now, nodes now"),
             work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
+            rest: chain.make_kept(
+                "tree_rest",
+                Elem::Vec4F32,
+                &[2, nodes],
+                "",
+                "how long what became of each node holds",
+            ),
+            stale: chain.make("stale", Elem::U32, &[nodes], "", "nodes to look at again, in any order"),
+            stale_work: chain.make("stale_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            suspects: chain.make("suspects", Elem::U32, &[nodes], "", "nodes that may be gone, in any order"),
+            suspect_work: chain.make("suspect_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            clear_work: chain.make("clear_work", Elem::U32, &[4], "", "workgroups along x, y, z; vectors to clear"),
             closed: chain.make("closed", Elem::U32, &[regions], "", "a bit for each region: a block is split no more"),
         });
         Ok(Self {
@@ -161,7 +179,10 @@ impl Lists {
             place: chain.make("place", Elem::Vec4U32, &[visited / GROUP], "", "where each workgroup appends"),
             leaf: chain.make("leaf", Elem::Vec2U32, &[leaves], "", vertices),
             leaf_count: chain.make("leaf_count", Elem::U32, &[4], "", "workgroups along x, y, z; how many leaves"),
-            split: chain.make("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
+            split: match keeps {
+                true => chain.make_kept("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
+                false => chain.make("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
+            },
             needed,
             tree,
             capacities: lists,
@@ -184,6 +205,8 @@ impl VertexSplitting {
         let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
         let side = |number: usize| move |camera: &Camera| sides(camera)[number].as_vec3().to_array();
         let [leaves, live, nodes] = lists.capacities;
+        let travelled_m = so_far(chain.data, |a, b| a.eye_m.distance(b.eye_m));
+        let turned = so_far(chain.data, turn);
         Ok(chain
             .step(label, &kernel, entry)
             .constant("PROVEN", f64::from(lists.proven))
@@ -209,6 +232,8 @@ impl VertexSplitting {
             .set_per_frame("side_right", side(1))
             .set_per_frame("side_top", side(2))
             .set_per_frame("side_bottom", side(3))
+            .set_series("travelled_m", travelled_m)
+            .set_series("turned", turned)
             .set_per_frame("ray_most", |camera| most_of(camera, |ray| ray.length()) as f32)
             .set_per_frame("tilt_most", |camera| {
                 most_of(camera, |ray| (ray * camera.forward().z - DVec3::Z).length()) as f32
@@ -279,44 +304,73 @@ impl VertexSplitting {
             .bind("live_out", next)
             .bind("split", lists.split);
         Ok(match &lists.tree {
-            Some(tree) => step.bind("tree", tree.nodes).bind("tree_count", tree.count),
-            None => step.leave_unbound("tree").leave_unbound("tree_count"),
+            Some(tree) => step.bind("tree", tree.nodes).bind("tree_count", tree.count).bind("rest", tree.rest),
+            None => step.leave_unbound("tree").leave_unbound("tree_count").leave_unbound("rest"),
         })
+    }
+
+    fn on_tree<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        tree: &Tree,
+        entry: &str,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        Ok(self.step(chain, lists, entry, entry, 0)?.bind("tree", tree.nodes).bind("tree_count", tree.count))
     }
 
     /// Goes over the tree of the frame before; what it splits anew is the first round's.
     fn settle(&self, chain: &mut Chain, lists: &Lists, tree: &Tree, first_count: BufferId) -> Result<(), Diagnostic> {
         let [height, low, high, roughness] = lists.inputs;
-        self.step(chain, lists, "look", "look", 0)?
+        self.on_tree(chain, lists, tree, "recall")?
+            .bind("choice_out", lists.choice)
+            .bind("rest", tree.rest)
+            .bind("stale", tree.stale)
+            .bind("stale_work", tree.stale_work)
+            .over_indirect(tree.work)?;
+        self.on_tree(chain, lists, tree, "look")?
             .bind("height", height)
             .bind("height_min", low)
             .bind("height_max", high)
             .bind("roughness", roughness)
-            .bind("tree", tree.nodes)
-            .bind("tree_count", tree.count)
+            .bind("choice_out", lists.choice)
+            .bind("rest", tree.rest)
+            .bind("split", lists.split)
+            .bind("closing", tree.closed)
+            .bind("stale", tree.stale)
+            .bind("work", tree.stale_work)
+            .over_indirect(tree.stale_work)?;
+        self.on_tree(chain, lists, tree, "suspect")?
+            .bind("closed", tree.closed)
+            .bind("suspects", tree.suspects)
+            .bind("suspect_work", tree.suspect_work)
+            .over_indirect(tree.work)?;
+        self.on_tree(chain, lists, tree, "prune")?
             .bind("choice_out", lists.choice)
             .bind("split", lists.split)
-            .bind("closed", tree.closed)
-            .over_indirect(tree.work)?;
-        self.step(chain, lists, "sums of tree", "sums_of_tree", 0)?
-            .bind("tree", tree.nodes)
+            .bind("suspects", tree.suspects)
+            .bind("work", tree.suspect_work)
+            .over_indirect(tree.suspect_work)?;
+        self.step(chain, lists, "sums_of_tree", "sums_of_tree", 0)?
             .bind("tree_count", tree.count)
             .bind("choice_out", lists.choice)
             .bind("wanted_out", lists.wanted)
-            .bind("split", lists.split)
-            .bind("closed", tree.closed)
             .over_indirect(tree.work)?;
         self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?.over(UVec2::ONE)?;
         self.append(chain, lists, "append tree", "append_tree", lists.live[0])?.over_indirect(tree.work)
     }
 
+    fn clear<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        bits: BufferId,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        Ok(self.step(chain, lists, "clear", "clear_bits", 0)?.bind("clear", bits))
+    }
+
     fn begin(&self, chain: &mut Chain, lists: &Lists, count: BufferId) -> Result<(), Diagnostic> {
-        let cleared = lists.tree.as_ref().map(|tree| tree.closed).into_iter().chain([lists.split]);
-        for bits in cleared {
-            let vectors = chain.buffer(bits).dims[0] / 4;
-            let step = self.step(chain, lists, "clear", "clear_bits", 0)?;
-            super::scan::over_runs(step.bind("clear", bits), vectors)?;
-        }
+        let vectors = |chain: &Chain, bits: BufferId| chain.buffer(bits).dims[0] / 4;
         let entry = if lists.tree.is_some() { "begin_again" } else { "begin" };
         let step = self.step(chain, lists, "begin", entry, 0)?;
         let step = step
@@ -324,13 +378,22 @@ impl VertexSplitting {
             .bind("live_count_out", count)
             .bind("leaf_count", lists.leaf_count)
             .bind("needed", lists.needed);
-        match &lists.tree {
-            None => step.over(UVec2::ONE),
-            Some(tree) => {
-                step.bind("tree_count", tree.count).bind("tree_work", tree.work).over(UVec2::ONE)?;
-                self.settle(chain, lists, tree, count)
-            }
-        }
+        let Some(tree) = &lists.tree else {
+            step.over(UVec2::ONE)?;
+            let all = vectors(chain, lists.split);
+            return super::scan::over_runs(self.clear(chain, lists, lists.split)?, all);
+        };
+        step.bind("tree_count", tree.count)
+            .bind("tree_work", tree.work)
+            .bind("clear_work", tree.clear_work)
+            .bind("stale_work", tree.stale_work)
+            .bind("suspect_work", tree.suspect_work)
+            .bind("clear", lists.split)
+            .over(UVec2::ONE)?;
+        let regions = vectors(chain, tree.closed);
+        super::scan::over_runs(self.clear(chain, lists, tree.closed)?, regions)?;
+        self.clear(chain, lists, lists.split)?.over_indirect(tree.clear_work)?;
+        self.settle(chain, lists, tree, count)
     }
 }
 
@@ -534,6 +597,31 @@ fn children(layout: Layout, level: u32, at: UVec2) -> impl Iterator<Item = (u32,
     let below = if level == 1 { layout.base } else { layout.size(level - 1) };
     let all = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| at * 2 + UVec2::new(x, y));
     all.into_iter().filter(move |child| child.cmplt(below).all()).map(move |child| (level - 1, child))
+}
+
+/// What a motion from camera to camera has added up to, at each frame of a path. From one frame to any other it is at most the
+/// difference.
+fn so_far(data: &SceneData, motion: impl Fn(&Camera, &Camera) -> f64) -> std::vec::IntoIter<f32> {
+    let mut sum = 0.0;
+    let steps = data.cameras.windows(2).map(|pair| motion(&pair[0], &pair[1]));
+    let sums = std::iter::once(0.0).chain(steps).map(|step| {
+        sum += step;
+        sum as f32
+    });
+    sums.collect::<Vec<_>>().into_iter()
+}
+
+/// The angle in radians between two cameras.
+fn turn(a: &Camera, b: &Camera) -> f64 {
+    let between = a.world_from_view.transpose() * b.world_from_view;
+    let trace = between.x_axis.x + between.y_axis.y + between.z_axis.z;
+    // next to no turn, the cosine has no digits: the sine has
+    let axis = DVec3::new(
+        between.y_axis.z - between.z_axis.y,
+        between.z_axis.x - between.x_axis.z,
+        between.x_axis.y - between.y_axis.x,
+    );
+    (axis.length() / 2.0).atan2((trace - 1.0) / 2.0)
 }
 
 /// Inward normals of the picture's sides: left, right, top, bottom.
