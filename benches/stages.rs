@@ -13,7 +13,7 @@ const SCENE: &str = "scene: (terrain: Noise(kind: Ridged, seed: 4, size: (1025, 
      camera: Still(eye: (15000, -200, 2600), look_at: (15000, 20000, 300), clearance_m: 200), viewport: (1024, 768))";
 
 /// Chains that between them have every stage of the registry.
-const CHAINS: [(&str, &str); 5] = [
+const CHAINS: [(&str, &str); 6] = [
     ("grid", "[HeightPyramid, ViewGrid(size: (512, 384)), Project, Rasterize, Shade]"),
     (
         "warped, filled",
@@ -22,6 +22,10 @@ const CHAINS: [(&str, &str); 5] = [
     (
         "proven",
         "[HeightPyramid, PlanePyramid, ViewGrid(size: (96, 72)), Project(filter: Finest), GridError(rule: Proven), LeadRays, Rasterize, Compact, RayFill]",
+    ),
+    (
+        "splitting",
+        "[HeightPyramid, Roughness(error: Proven), VertexSplitting(threshold_px: 2), TriangleSplitting, Rasterize, Shade]",
     ),
     ("ray cast", "[HeightPyramid, RayCast, Shade]"),
     (

@@ -150,8 +150,30 @@ fn ron_cases() -> Vec<Case> {
         case("brackets without end", "(".repeat(100_000)),
         case("warm-up without end", experiment("Time]", "Time(warmup: 4294967295)]")),
         case(
-            "eye on the surface",
-            experiment("Still(eye: (400, -300, 1500)", "Still(clearance_m: 0, eye: (400, 300, 0)"),
+            "a negative threshold",
+            experiment("HeightPyramid, RayCast]", "HeightPyramid, Roughness, VertexSplitting(threshold_px: -1)]"),
+        ),
+        case(
+            "lists of nothing",
+            experiment("HeightPyramid, RayCast]", "HeightPyramid, Roughness, VertexSplitting(capacity: 0)]"),
+        ),
+        case(
+            "a start that is none",
+            experiment("HeightPyramid, RayCast]", "HeightPyramid, Roughness, VertexSplitting(start: Leaf)]"),
+        ),
+        case("blocks without roughness", experiment("HeightPyramid, RayCast]", "HeightPyramid, VertexSplitting]")),
+        case("triangles of nothing", experiment("HeightPyramid, RayCast]", "HeightPyramid, TriangleSplitting]")),
+        case(
+            "no triangles",
+            experiment(
+                "HeightPyramid, RayCast]",
+                "HeightPyramid, Roughness, VertexSplitting, TriangleSplitting(capacity: 0)]",
+            ),
+        ),
+        case(
+            "a bound over patches",
+            experiment("HeightPyramid, RayCast]", "HeightPyramid, Roughness(error: Proven)]")
+                .replace("viewport: (64, 48),", "viewport: (64, 48), surface: Bilinear,"),
         ),
         case(
             "noise without end",

@@ -109,9 +109,10 @@ impl Listed {
     /// more than two triangles. Where the picture ends there are edges with one triangle, and that is no crack: there is nothing
     /// on their other side.
     pub fn cracks(&self) -> usize {
-        let key = |sample: UVec2| (sample.x, sample.y);
+        let key = |sample: UVec2| sample.to_array();
         let directed = self.corners.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
-        let mut edges: Vec<((u32, u32), (u32, u32), bool)> = directed
+        // both ends, and which side the triangle is on
+        let mut edges: Vec<([u32; 2], [u32; 2], bool)> = directed
             .filter(|(a, b)| a != b)
             .map(|(a, b)| if key(a) <= key(b) { (key(a), key(b), true) } else { (key(b), key(a), false) })
             .collect();
@@ -120,7 +121,7 @@ impl Listed {
         // edges with a triangle on one side only, by the line they are on: upright or not, where, from, to, which side
         let mut open: Vec<(bool, u32, u32, u32, bool)> = Vec::new();
         for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            let ((ax, ay), (bx, by), side) = same[0];
+            let ([ax, ay], [bx, by], side) = same[0];
             match same {
                 [_] if ax == bx => open.push((true, ax, ay, by, side)),
                 [_] if ay == by => open.push((false, ay, ax, bx, side)),
