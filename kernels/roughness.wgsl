@@ -207,12 +207,16 @@ fn tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     let se = height_at(block.high.x, block.high.y);
     let centre_m = height_at(block.middle.x, block.middle.y);
     let fan = Fan(centre_m, vec4(nw, ne, sw, se) - centre_m);
-    let off = edge_off_in[at.y * level_size(base(), params.level).x + at.x];
+    let clamped = is_clamped(block);
+    var off = edge_off_in[at.y * level_size(base(), params.level).x + at.x];
+    if clamped {
+        // ridges cross cells anywhere: with one number for all edges, what they may move is convex across the ridges as well
+        off = vec4(max(max(off.x, off.y), max(off.z, off.w)));
+    }
     let low = id.xy << vec2(tile_level);
     let high = min(low + (1u << tile_level), base());
     var worst = 0.0;
     var largest = max(max(abs(fan.corners.x), abs(fan.corners.y)), max(abs(fan.corners.z), abs(fan.corners.w)));
-    let clamped = is_clamped(block);
     for (var y = low.y; y <= high.y; y++) {
         for (var x = low.x; x <= high.x; x++) {
             let offset = vec2<f32>(vec2<i32>(vec2(x, y)) - vec2<i32>(block.middle));

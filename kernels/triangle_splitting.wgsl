@@ -139,10 +139,11 @@ fn count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
 fn sums(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
         @builtin(local_invocation_index) lane: u32) {
     let number = thread_number(group, groups, lane);
-    let first = number * GROUP;
-    if first >= 4u * leaf_count[3] {
+    // (more threads than u32 counts edges: compared before it is multiplied)
+    if number >= (4u * leaf_count[3] + GROUP - 1u) / GROUP {
         return;
     }
+    let first = number * GROUP;
     let end = min(first + GROUP, 4u * leaf_count[3]);
     var sum = 0u;
     for (var i = first; i < end; i++) {

@@ -3,6 +3,8 @@
 //!include lib/block.wgsl
 //!include lib/node.wgsl
 //!include lib/group_sum.wgsl
+//!include lib/decision.wgsl
+//!include lib/outlook.wgsl
 // The quadtree without pointers (Lee, Shin 2011, section 2.3): a list of vertices, each the centre of a block. In each round a
 // vertex is dropped, becomes a leaf, or is split into its four children. Four dispatches a round: `decide` looks at the
 // vertices, `sums` and `offsets` find where each of them writes, `append` writes. Lengths stay on the GPU. With a tree that is kept
@@ -89,9 +91,6 @@ struct Params {
 /// where the camera was (travelled, turned) when that was found.
 @group(0) @binding(24) var<storage, read_write> rest: array<vec4<f32>>;
 
-/// The roughness is a bound, and the decision keeps it.
-override PROVEN: bool = false;
-override CULL: bool = true;
 /// A vertex that is a leaf is looked at no more.
 override CARRY_FLAG: bool = true;
 /// A vertex knows its level.
@@ -99,9 +98,6 @@ override CARRY_SIZE: bool = true;
 /// The tree is kept for the next frame.
 override KEEP: bool = false;
 
-const CULLED: u32 = 0u;
-const LEAF: u32 = 1u;
-const SPLIT: u32 = 2u;
 /// A leaf that goes through the next round like any other vertex.
 const AGAIN: u32 = 3u;
 /// Under a block that is not split any more.
@@ -109,122 +105,11 @@ const GONE: u32 = 4u;
 /// Split in the frame before as well: its children are in the tree.
 const STAYS: u32 = 5u;
 
-/// An error in pixels that rounding may add to a proven bound.
-const SLACK_PX: f32 = 0.02;
-
 fn level_of(node: vec2<u32>) -> u32 {
     if CARRY_SIZE {
         return level_carried(node);
     }
     return level_from_centre(node);
-}
-
-fn last_sample() -> vec2<u32> {
-    return params.terrain.size - 1u;
-}
-
-fn index_of(level: u32, at: vec2<u32>) -> u32 {
-    return pyramid_index(params.stride, params.tall, level, at);
-}
-
-struct Box {
-    low: vec3<f32>,
-    high: vec3<f32>,
-}
-
-/// A block's extent relative to the eye.
-fn box_of(level: u32, at: vec2<u32>, index: u32) -> Box {
-    let block = block_of(level, at, last_sample());
-    let a = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(block.low)));
-    let b = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(block.high)));
-    // rows run south
-    return Box(vec3(a.x, b.y, relative_height(params.terrain, height_min[index])),
-               vec3(b.x, a.y, relative_height(params.terrain, height_max[index])));
-}
-
-/// The largest of `n . p` over a box, by a little more than rounding can take from it.
-fn farthest_along(n: vec3<f32>, box: Box) -> f32 {
-    let far = max(n * box.low, n * box.high);
-    let reach = abs(far);
-    return far.x + far.y + far.z + 1.0e-6 * (reach.x + reach.y + reach.z);
-}
-
-fn is_visible(box: Box) -> bool {
-    if !CULL {
-        return true;
-    }
-    let sides = min(min(farthest_along(params.side_left, box), farthest_along(params.side_right, box)),
-                    min(farthest_along(params.side_top, box), farthest_along(params.side_bottom, box)));
-    return min(sides, farthest_along(params.view_forward, box)) >= 0.0;
-}
-
-/// Pixels between a point and the one `rise_m` above it. What is behind the eye counts as if it were in front.
-fn error_px(point: vec3<f32>, rise_m: f32) -> f32 {
-    let p = vec3(dot(params.view_right, point), dot(params.view_up, point), dot(params.view_forward, point));
-    let up = vec3(params.view_right.z, params.view_up.z, params.view_forward.z);
-    let moved = length(p.xy * up.z - up.xy * p.z) * rise_m;
-    return params.focal_px * moved / abs(p.z * (p.z + rise_m * up.z));
-}
-
-fn point_at(sample: vec2<u32>) -> vec3<f32> {
-    let ground = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(sample)));
-    return vec3(ground, relative_height(params.terrain, height[sample.y * params.terrain.size.x + sample.x]));
-}
-
-/// A block's five points: its centre and the middles of its edges.
-fn five_points(level: u32, at: vec2<u32>) -> array<vec3<f32>, 5> {
-    let block = block_of(level, at, last_sample());
-    return array<vec3<f32>, 5>(point_at(block.middle), point_at(vec2(block.middle.x, block.low.y)),
-                               point_at(vec2(block.middle.x, block.high.y)), point_at(vec2(block.low.x, block.middle.y)),
-                               point_at(vec2(block.high.x, block.middle.y)));
-}
-
-fn most_error_px(points: array<vec3<f32>, 5>, rise_m: f32) -> f32 {
-    let a = max(error_px(points[0], rise_m), error_px(points[1], rise_m));
-    let b = max(error_px(points[2], rise_m), error_px(points[3], rise_m));
-    return max(max(a, b), error_px(points[4], rise_m));
-}
-
-fn is_in_sphere(box: Box) -> bool {
-    let centre = 0.5 * (box.low + box.high);
-    let half = box.high - centre;
-    return dot(centre, centre) < dot(half, half);
-}
-
-/// Eq. 2: inside the block's sphere, or with an error of at least the threshold at one of its five points.
-fn is_rough(level: u32, at: vec2<u32>, box: Box, rise_m: f32) -> bool {
-    return is_in_sphere(box) || most_error_px(five_points(level, at), rise_m) >= params.threshold_px;
-}
-
-/// Whether a point of the block that is in the picture can be off by the threshold: no such point is nearer, along the view
-/// direction, than the nearest corner of the box, nor than the box is from the eye, seen along the longest ray.
-fn may_break(box: Box, rise_m: f32) -> bool {
-    let near = min(params.view_forward * box.low, params.view_forward * box.high);
-    let beside = max(max(box.low, -box.high), vec3(0.0));
-    let depth = max(near.x + near.y + near.z, length(beside) / params.ray_most) * (1.0 - 1.0e-5);
-    let room = depth - rise_m * abs(params.view_forward.z);
-    let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
-    return room <= 0.0 || params.focal_px * params.tilt_most * rise_m >= allowed_px * room;
-}
-
-/// What becomes of a vertex.
-fn decide_on(level: u32, at: vec2<u32>) -> u32 {
-    let index = index_of(level, at);
-    let box = box_of(level, at, index);
-    if !is_visible(box) {
-        return CULLED;
-    }
-    let rise_m = roughness[index];
-    if rise_m == 0.0 {
-        return LEAF;
-    }
-    var split_it: bool;
-    if PROVEN {
-        split_it = may_break(box, rise_m);
-    } else {
-        split_it = is_rough(level, at, box, rise_m);
-    }
-    return select(LEAF, SPLIT, split_it);
 }
 
 /// Children of a block that are on the terrain.
@@ -341,10 +226,11 @@ fn decide(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) grou
 
 /// Sums up what 64 vertices append. (There are 64 times as many threads as there are groups: the dispatch is the one of `decide`.)
 fn sum_up(group: u32, length: u32) {
-    let first = group * GROUP;
-    if first >= length {
+    // (more threads than u32 counts elements: compared before it is multiplied)
+    if group >= (length + GROUP - 1u) / GROUP {
         return;
     }
+    let first = group * GROUP;
     let end = min(first + GROUP, length);
     var sum = 0u;
     for (var i = first; i < end; i++) {
@@ -522,125 +408,6 @@ fn close(level: u32, at: vec2<u32>) {
     }
 }
 
-/// What becomes of a block, and for how long. Motion is the angle that the camera turns plus the angle under which its way is seen
-/// from the nearest of the block: by no more than that does the direction to any point of the block change.
-struct Outlook {
-    fate: u32,
-    distance_m: f32,
-    motion: f32,
-}
-
-/// The largest motion that is tried; if that is not certain, a block is looked at again in the next frame.
-const MOST_MOTION: f32 = 0.05;
-/// What rounding may do to a decision, as a part of both of its sides.
-const CERTAIN: f32 = 1.0e-3;
-
-/// The largest and the smallest error that a point can get by some motion: its direction, the way up and its distance all change.
-fn errors_by(motion: f32, point: vec3<f32>, rise_m: f32) -> vec2<f32> {
-    let p = vec3(dot(params.view_right, point), dot(params.view_up, point), dot(params.view_forward, point));
-    let up = vec3(params.view_right.z, params.view_up.z, params.view_forward.z);
-    let q = p + rise_m * up;
-    let far = length(q);
-    let aside = length(p.xy * up.z - up.xy * p.z) / length(p);
-    let ahead = vec2(abs(p.z) / length(p), abs(q.z) / far);
-    let scale = params.focal_px * rise_m / far;
-    let least = ahead - motion;
-    let most_px = scale * (aside + 3.0 * motion) / (least.x * least.y * (1.0 - motion));
-    let most = ahead + motion;
-    let least_px = scale * max(aside - 3.0 * motion, 0.0) / (most.x * most.y * (1.0 + motion));
-    return vec2(select(most_px, 3.0e38, min(least.x, least.y) <= motion), least_px);
-}
-
-/// How near a block's points, and those that its roughness moves them to, come to the eye.
-fn nearest_of(points: array<vec3<f32>, 5>, rise_m: f32) -> f32 {
-    var nearest = 3.0e38;
-    for (var k = 0u; k < 5u; k++) {
-        nearest = min(nearest, min(length(points[k]), length(points[k] + vec3(0.0, 0.0, rise_m))));
-    }
-    return nearest;
-}
-
-/// A motion to try, from how near two numbers are that have been compared.
-fn motion_for(a: f32, b: f32) -> f32 {
-    return min(0.07 * (1.0 - min(a, b) / max(a, b)), MOST_MOTION);
-}
-
-/// Whether Eq. 2 says the same after some motion.
-fn keeps_rough(motion: f32, points: array<vec3<f32>, 5>, rise_m: f32, splits: bool) -> bool {
-    var most = 0.0;
-    var least = 0.0;
-    for (var k = 0u; k < 5u; k++) {
-        let errors = errors_by(motion, points[k], rise_m);
-        most = max(most, errors.x);
-        least = max(least, errors.y);
-    }
-    let stays_leaf = most < params.threshold_px * (1.0 - CERTAIN);
-    let stays_split = least > params.threshold_px * (1.0 + CERTAIN);
-    return select(stays_leaf, stays_split, splits);
-}
-
-/// Whether `may_break` says the same after some motion; nothing of the block is farther than `farthest`.
-fn keeps_bound(motion: f32, box: Box, rise_m: f32, farthest: f32, splits: bool) -> bool {
-    let near = min(params.view_forward * box.low, params.view_forward * box.high);
-    let beside = max(max(box.low, -box.high), vec3(0.0));
-    let room = max(near.x + near.y + near.z, length(beside) / params.ray_most) - rise_m * abs(params.view_forward.z);
-    let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
-    let moves = (farthest + rise_m) * (motion + CERTAIN * 0.1);
-    let tilts = (params.ray_most + 1.0) * motion;
-    let most = params.focal_px * (params.tilt_most + tilts) * rise_m;
-    let least = params.focal_px * max(params.tilt_most - tilts, 0.0) * rise_m;
-    let stays_leaf = room > moves && most < allowed_px * (room - moves) * (1.0 - CERTAIN);
-    let stays_split = room + moves < 0.0 || least > allowed_px * (room + moves) * (1.0 + CERTAIN);
-    return select(stays_leaf, stays_split, splits);
-}
-
-/// `decide_on` with how long it holds.
-fn outlook_on(level: u32, at: vec2<u32>) -> Outlook {
-    let index = index_of(level, at);
-    let box = box_of(level, at, index);
-    let rise_m = roughness[index];
-    let farthest = length(max(abs(box.low), abs(box.high)));
-    var outlook = Outlook(decide_on(level, at), length(max(max(box.low, -box.high), vec3(0.0))), 1.0);
-    if CULL {
-        let sides = min(min(farthest_along(params.side_left, box), farthest_along(params.side_right, box)),
-                        min(farthest_along(params.side_top, box), farthest_along(params.side_bottom, box)));
-        // in the picture as long as no side is passed, out of it as long as the same one is
-        let inside = min(sides, farthest_along(params.view_forward, box));
-        outlook.motion = max(abs(inside) / farthest - CERTAIN * 0.1, 0.0);
-    }
-    if outlook.fate == CULLED || rise_m == 0.0 {
-        return outlook;
-    }
-    let splits = outlook.fate == SPLIT;
-    var kept = 0.0;
-    if PROVEN {
-        let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
-        let strain = params.focal_px * params.tilt_most * rise_m / max(allowed_px, 1.0e-6);
-        let motion = motion_for(strain, outlook.distance_m) * outlook.distance_m / farthest;
-        kept = select(0.0, motion, keeps_bound(motion, box, rise_m, farthest, splits));
-    } else {
-        let points = five_points(level, at);
-        outlook.distance_m = min(outlook.distance_m, nearest_of(points, rise_m));
-        let motion = motion_for(most_error_px(points, rise_m), params.threshold_px);
-        let centre = length(0.5 * (box.low + box.high));
-        let radius = length(0.5 * (box.high - box.low));
-        let sphere = max(abs(centre - radius) / max(outlook.distance_m, 1.0e-3) - CERTAIN, 0.0);
-        kept = select(0.0, motion, keeps_rough(motion, points, rise_m, splits));
-        // inside the sphere the errors do not count
-        kept = min(select(kept, 1.0, centre < radius), sphere);
-    }
-    outlook.motion = min(outlook.motion, kept);
-    return outlook;
-}
-
-/// Whether what was found about a node still holds.
-fn is_settled(known: vec4<f32>) -> bool {
-    // what rounding leaves of a long way
-    let way_m = abs(params.travelled_m - known.z) + 1.0e-6 * params.travelled_m;
-    let turn = abs(params.turned - known.w) + 1.0e-6 * (1.0 + params.turned);
-    return way_m < 0.25 * known.x && turn + 1.05 * way_m / known.x < known.y;
-}
-
 /// What became of a node, as far as it is known; as if all blocks above it were split.
 fn put_fate(thread: u32, node: vec2<u32>, found: u32) {
     let level = level_carried(node);
@@ -653,17 +420,17 @@ fn put_fate(thread: u32, node: vec2<u32>, found: u32) {
 fn put_in_stale(thread: u32) {
     let at = atomicAdd(&stale_work[3], 1u);
     stale[at] = thread;
-    if at % GROUP == 0u {
-        atomicAdd(&stale_work[0], 1u);
-    }
+    let group = at / GROUP;
+    atomicMax(&stale_work[0], min(group + 1u, MOST_GROUPS));
+    atomicMax(&stale_work[1], group / MOST_GROUPS + 1u);
 }
 
 fn put_in_suspects(thread: u32) {
     let at = atomicAdd(&suspect_work[3], 1u);
     suspects[at] = thread;
-    if at % GROUP == 0u {
-        atomicAdd(&suspect_work[0], 1u);
-    }
+    let group = at / GROUP;
+    atomicMax(&suspect_work[0], min(group + 1u, MOST_GROUPS));
+    atomicMax(&suspect_work[1], group / MOST_GROUPS + 1u);
 }
 
 /// Goes over all nodes of the frame before, and lists those of which it must be found out again what becomes of them. (Lists

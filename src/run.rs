@@ -138,8 +138,8 @@ fn measured(cell: &Cell, chain: &Chain) -> Result<Vec<String>, Diagnostic> {
     }
     if cell.wants("Mesh") && chain.has("triangle") {
         let dims = chain.buffer(chain.read("triangle")?).dims.clone();
-        chain.read_as("triangle", Elem::Vec4U32, &dims)?;
-        chain.read_as("triangle_count", Elem::U32, &[4])?;
+        chain.read_own("triangle", Elem::Vec4U32, &dims)?;
+        chain.read_own("triangle_count", Elem::U32, &[4])?;
         // its pinholes are seen in what was drawn of it
         let distance = chain.has("distance") && !outputs.contains(&"distance".to_string());
         outputs.extend(distance.then(|| "distance".to_string()));

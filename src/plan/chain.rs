@@ -185,6 +185,21 @@ impl<'a> Chain<'a> {
         Err(Diagnostic::input(message).at(&self.origin, "this stage"))
     }
 
+    /// Like [`Chain::read_as`], for a buffer whose contents kernels of this crate rely on: it may not be a user's.
+    pub fn read_own(&self, name: &str, elem: Elem, dims: &[u32]) -> Result<BufferId, Diagnostic> {
+        let id = self.read_as(name, elem, dims)?;
+        let is_foreign = |step: &&Step| !step.kernel.trusted && step.writes.contains(&id);
+        match self.steps.iter().find(is_foreign) {
+            None => Ok(id),
+            Some(step) => Err(Diagnostic::input(format!(
+                "`{}` relies on what is in `{name}`, which `{}` writes",
+                self.stage, step.kernel.name
+            ))
+            .at(&self.origin, "this stage")
+            .help("give what your kernel makes another name")),
+        }
+    }
+
     /// Like [`Chain::read_as`], for a grid of any size with at least two rows and columns; returns both.
     pub fn read_grid(&self, name: &str, elem: Elem) -> Result<(BufferId, UVec2), Diagnostic> {
         let id = self.read(name)?;

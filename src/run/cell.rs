@@ -7,7 +7,7 @@ use crate::gpu::{Executor, Gpu};
 use crate::measure::image::Picture;
 use crate::measure::screen_error::FrameError;
 use crate::measure::{Measured, error_buffer, image, mesh, screen_error, time};
-use crate::plan::{Often, Plan, Storage};
+use crate::plan::{Often, Plan, Storage, Vertices, Work};
 use crate::report::pictures;
 use crate::report::records::{KernelTime, Store, Timings};
 
@@ -76,7 +76,10 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     for frame in 0..warmup {
         executor.frame(frame as usize % plan.frames)?;
     }
-    let (frames, by_steps) = timed(context, &executor, repeats)?;
+    let (frames, by_steps) = match timed(context, &executor, repeats)? {
+        Timed::Frames(frames, by_steps) => (frames, by_steps),
+        Timed::Overflowed(overflowed) => return Ok(overflowed),
+    };
     let mut warnings = Vec::new();
     let timings = if gpu.summary.timestamps {
         timings(plan, &executor, &once, &frames, &frames)
@@ -90,32 +93,33 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
 
 /// The path as often as asked for, in whole frames and, where nothing better tells, in steps. Each frame is looked at both ways at
 /// once, so that the clock treats them alike; unless a frame starts from what the last one left, which must not be itself.
-fn timed(
-    context: &Context,
-    executor: &Executor,
-    repeats: u32,
-) -> Result<(Vec<SubmissionTime>, Vec<SubmissionTime>), Diagnostic> {
+fn timed(context: &Context, executor: &Executor, repeats: u32) -> Result<Timed, Diagnostic> {
     let (mut frames, mut by_steps) = (Vec::new(), Vec::new());
     let needs_steps = !context.gpu.summary.timestamps;
-    let path = 0..context.plan.frames;
+    let ways = if needs_steps { &[false, true][..] } else { &[false] };
+    let order: Vec<(usize, bool)> = match context.plan.remembers() {
+        true => ways.iter().flat_map(|&way| (0..context.plan.frames).map(move |frame| (frame, way))).collect(),
+        false => (0..context.plan.frames).flat_map(|frame| ways.iter().map(move |&way| (frame, way))).collect(),
+    };
     for _ in 0..repeats {
-        if context.plan.remembers() {
-            for frame in path.clone() {
-                frames.push(executor.frame(frame)?);
+        for &(frame, in_steps) in &order {
+            match in_steps {
+                true => by_steps.push(executor.frame_by_steps(frame)?),
+                false => frames.push(executor.frame(frame)?),
             }
-            for frame in path.clone().filter(|_| needs_steps) {
-                by_steps.push(executor.frame_by_steps(frame)?);
-            }
-            continue;
-        }
-        for frame in path.clone() {
-            frames.push(executor.frame(frame)?);
-            if needs_steps {
-                by_steps.push(executor.frame_by_steps(frame)?);
+            // after another frame than before, a list can be longer
+            if let Some(overflowed) = overflow(executor, context.plan)? {
+                return Ok(Timed::Overflowed(overflowed));
             }
         }
     }
-    Ok((frames, by_steps))
+    Ok(Timed::Frames(frames, by_steps))
+}
+
+/// Whole frames and frames in steps, or a list that was too short for one of them.
+enum Timed {
+    Frames(Vec<SubmissionTime>, Vec<SubmissionTime>),
+    Overflowed(Ended),
 }
 
 /// Frames before the first that counts, and how often the path is timed.
@@ -137,8 +141,6 @@ struct Tally<'c, 'a> {
     equal_pictures: bool,
     ssim: Vec<f64>,
     hashers: Vec<blake3::Hasher>,
-    /// Corners of the list of triangles that was drawn in this frame.
-    drawn_vertices: u32,
 }
 
 impl<'c, 'a> Tally<'c, 'a> {
@@ -152,7 +154,6 @@ impl<'c, 'a> Tally<'c, 'a> {
             equal_pictures: false,
             ssim: Vec::new(),
             hashers: vec![blake3::Hasher::new(); context.plan.outputs.len()],
-            drawn_vertices: 0,
         }
     }
 
@@ -161,12 +162,13 @@ impl<'c, 'a> Tally<'c, 'a> {
         let plan = self.context.plan;
         let truth = truth.map(|truth| truth.frame(frame)).transpose()?;
         let (mut list, mut drawn_m) = (None, None);
+        let drawn_vertices = self.drawn_vertices(executor)?;
         for (at, &id) in plan.outputs.iter().enumerate() {
             let buffer = plan.buffer(id);
             let mut bytes = executor.read(id)?;
-            if buffer.name == "triangle" {
+            if let ("triangle", Some(drawn_vertices)) = (buffer.name.as_str(), drawn_vertices) {
                 // past the list's end there is anything
-                bytes.truncate(self.drawn_vertices as usize / 3 * 16);
+                bytes.truncate(drawn_vertices as usize / 3 * 16);
             }
             self.hashers[at].update(&bytes);
             let first = frame == 0 || buffer.often == Often::EveryFrame && buffer.storage != Storage::Input;
@@ -176,7 +178,6 @@ impl<'c, 'a> Tally<'c, 'a> {
             }
             match buffer.name.as_str() {
                 "triangle" => list = Some(bytemuck::pod_collect_to_vec(&bytes)),
-                "triangle_count" => self.drawn_vertices = bytemuck::pod_collect_to_vec(&bytes)[0],
                 "distance" => drawn_m = Some(bytemuck::pod_collect_to_vec(&bytes)),
                 _ => {}
             }
@@ -189,13 +190,25 @@ impl<'c, 'a> Tally<'c, 'a> {
                 _ => {}
             }
         }
-        if let Some(list) = list {
+        if let (Some(list), Some(drawn_vertices)) = (list, drawn_vertices) {
             let data = &self.context.prepared.data;
-            let list = mesh::Listed::new(&list, self.drawn_vertices);
+            let list = mesh::Listed::new(&list, drawn_vertices);
             let seen = drawn_m.as_deref().zip(truth.as_ref().map(|truth| &truth.distance_m[..]));
             self.mesh.add_list(&list, &data.terrain, &data.cameras[frame], seen);
         }
         Ok(())
+    }
+
+    /// Corners of the list of triangles that was drawn in this frame, if a mesh is one.
+    fn drawn_vertices(&self, executor: &Executor) -> Result<Option<u32>, Diagnostic> {
+        let plan = self.context.plan;
+        let drawn = plan.steps.iter().find_map(|step| match step.work {
+            Work::Draw { vertices: Vertices::List(count), .. } => Some(count),
+            _ => None,
+        });
+        let Some(count) = drawn else { return Ok(None) };
+        let count: Vec<u32> = bytemuck::pod_collect_to_vec(&executor.read(count)?);
+        Ok(count.first().copied())
     }
 
     fn is_pictured(&self, frame: usize) -> bool {

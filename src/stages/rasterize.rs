@@ -69,8 +69,8 @@ fn plan_list(chain: &mut Chain) -> Result<(), Diagnostic> {
     let size = chain.data.terrain.size;
     let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
     let triangles = chain.read("triangle")?;
-    let triangles = chain.read_as("triangle", Elem::Vec4U32, &chain.buffer(triangles).dims.clone())?;
-    let count = chain.read_as("triangle_count", Elem::U32, &[4])?;
+    let triangles = chain.read_own("triangle", Elem::Vec4U32, &chain.buffer(triangles).dims.clone())?;
+    let count = chain.read_own("triangle_count", Elem::U32, &[4])?;
     let meaning = "distance of the nearest triangle as the bits of an f32, negative beside it; 0 is none";
     let drawn = chain.make_target("drawn", Elem::U32, meaning);
     let distance = chain.make_distance();

@@ -212,11 +212,13 @@ impl<'a> Block<'a> {
             (0..cells).map(off).fold(0.0, f64::max)
         };
         let (ne, sw) = (UVec2::new(high.x, low.y), UVec2::new(low.x, high.y));
-        let fan =
-            [(low, ne), (sw, high), (low, sw), (ne, high)].map(|(from, to)| self.triangle(from, to, edge(from, to)));
+        let edges = [(low, ne), (sw, high), (low, sw), (ne, high)];
+        let is_whole = high - low == UVec2::splat((self.middle.x - low.x) * 2);
+        // in a block that the border has cut, ridges are anywhere, and one number has to do for all edges
+        let largest = edges.map(|(from, to)| edge(from, to)).into_iter().fold(0.0, f64::max);
+        let fan = edges.map(|(from, to)| self.triangle(from, to, if is_whole { edge(from, to) } else { largest }));
         let there: Vec<&Triangle> = fan.iter().flatten().collect();
         let mut most: f64 = 0.0;
-        let is_whole = high - low == UVec2::splat((self.middle.x - low.x) * 2);
         for (x, y) in (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (x, y))) {
             let place = DVec2::new(x.into(), y.into());
             most = most.max(worst_at(&there, place, self.at(x, y)));

@@ -53,10 +53,10 @@ impl Stage for TriangleSplitting {
         let size = chain.data.terrain.size;
         let layout = bounds_layout(size);
         let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
-        let leaf_count = chain.read_as("leaf_count", Elem::U32, &[4])?;
-        let split = chain.read_as("split", Elem::U32, &[words])?;
+        let leaf_count = chain.read_own("leaf_count", Elem::U32, &[4])?;
+        let split = chain.read_own("split", Elem::U32, &[words])?;
         let leaf = chain.read("leaf")?;
-        let leaf = chain.read_as("leaf", Elem::Vec2U32, &chain.buffer(leaf).dims.clone())?;
+        let leaf = chain.read_own("leaf", Elem::Vec2U32, &chain.buffer(leaf).dims.clone())?;
         let threads = (4 * chain.buffer(leaf).dims[0]).next_multiple_of(GROUP);
         let capacity = chain.capacity("triangle", self.capacity);
         let needed = chain.make_kept("triangle_needed", Elem::U32, &[1], "", "triangles that the mesh has");
