@@ -93,7 +93,7 @@ fn cases() -> Vec<(String, String)> {
         // a mesh of triangles bounds its distance to triangles only
         let bounded = match surface {
             "Triangles" => {
-                ", \"bounded splitting\": [HeightPyramid, Roughness(error: Proven), VertexSplitting(threshold_px: 2, carry_flag: false, \
+                ", \"bounded splitting\": [HeightPyramid, Roughness(error: Proven), VertexSplitting(threshold_px: 8, carry_flag: false, \
                  carry_size: false), TriangleSplitting, Rasterize]"
             }
             _ => "",
@@ -107,12 +107,12 @@ fn cases() -> Vec<(String, String)> {
              Project, GridError(threshold_px: 0.5), Rasterize, Compact, RayFill], \
              \"proven\": [HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp, \
              Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact, RayFill], \
-             \"splitting\": [HeightPyramid, Roughness, VertexSplitting(threshold_px: 3), TriangleSplitting, Rasterize]{bounded} }})"
+             \"splitting\": [HeightPyramid, Roughness, VertexSplitting(threshold_px: 5), TriangleSplitting, Rasterize]{bounded} }})"
         )
     };
     let mut cases = Vec::new();
     for (name, terrain) in terrains {
-        let orbit = "Orbit(frames: 3, center: (600, 600, 0), radius_m: 900, height_m: 700, clearance_m: 20)";
+        let orbit = "Orbit(frames: 2, center: (600, 600, 0), radius_m: 900, height_m: 700, clearance_m: 20)";
         for surface in ["Triangles", "Bilinear"] {
             cases.push((format!("{name} {surface}"), scene(terrain, surface, orbit)));
         }
