@@ -112,7 +112,7 @@ fn cases() -> Vec<(String, String)> {
     };
     let mut cases = Vec::new();
     for (name, terrain) in terrains {
-        let orbit = "Orbit(frames: 2, center: (600, 600, 0), radius_m: 900, height_m: 700, clearance_m: 20)";
+        let orbit = "Orbit(frames: 2, turns: 0.6666666666666666, center: (600, 600, 0), radius_m: 900, height_m: 700, clearance_m: 20)";
         for surface in ["Triangles", "Bilinear"] {
             cases.push((format!("{name} {surface}"), scene(terrain, surface, orbit)));
         }
