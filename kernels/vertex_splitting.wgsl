@@ -77,19 +77,19 @@ struct Params {
 @group(0) @binding(22) var<storage, read_write> tree_work: array<u32>;
 /// A bit for each region of the terrain: in it, a block is split no more.
 @group(0) @binding(23) var<storage, read_write> closing: array<atomic<u32>>;
-@group(0) @binding(26) var<storage, read> closed: array<u32>;
+@group(0) @binding(24) var<storage, read> closed: array<u32>;
+/// For each node of both halves, how long what became of it holds: how far the nearest of it was, how much motion it allows, and
+/// where the camera was (travelled, turned) when that was found.
+@group(0) @binding(25) var<storage, read_write> rest: array<vec4<f32>>;
+/// Workgroups to clear the bits of all blocks.
+@group(0) @binding(26) var<storage, read_write> clear_work: array<u32>;
 /// Nodes of the frame before to look at again, and nodes that may be gone; with workgroups along x, y, z, and how many.
 @group(0) @binding(27) var<storage, read_write> stale: array<u32>;
 @group(0) @binding(28) var<storage, read_write> stale_work: array<atomic<u32>>;
 @group(0) @binding(29) var<storage, read_write> suspects: array<u32>;
+@group(0) @binding(30) var<storage, read_write> suspect_work: array<atomic<u32>>;
 /// Of the list that is visited.
 @group(0) @binding(31) var<storage, read> work: array<u32>;
-@group(0) @binding(30) var<storage, read_write> suspect_work: array<atomic<u32>>;
-/// Workgroups to clear the bits of all blocks.
-@group(0) @binding(25) var<storage, read_write> clear_work: array<u32>;
-/// For each node of both halves, how long what became of it holds: how far the nearest of it was, how much motion it allows, and
-/// where the camera was (travelled, turned) when that was found.
-@group(0) @binding(24) var<storage, read_write> rest: array<vec4<f32>>;
 
 /// A vertex that is a leaf is looked at no more.
 override CARRY_FLAG: bool = true;

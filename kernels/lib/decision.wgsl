@@ -44,13 +44,23 @@ fn farthest_along(n: vec3<f32>, box: Box) -> f32 {
     return far.x + far.y + far.z + 1.0e-6 * (reach.x + reach.y + reach.z);
 }
 
+/// How far a box reaches into the picture, by the side that it reaches over least; negative outside.
+fn reach_inside(box: Box) -> f32 {
+    let sides = min(min(farthest_along(params.side_left, box), farthest_along(params.side_right, box)),
+                    min(farthest_along(params.side_top, box), farthest_along(params.side_bottom, box)));
+    return min(sides, farthest_along(params.view_forward, box));
+}
+
 fn is_visible(box: Box) -> bool {
     if !CULL {
         return true;
     }
-    let sides = min(min(farthest_along(params.side_left, box), farthest_along(params.side_right, box)),
-                    min(farthest_along(params.side_top, box), farthest_along(params.side_bottom, box)));
-    return min(sides, farthest_along(params.view_forward, box)) >= 0.0;
+    return reach_inside(box) >= 0.0;
+}
+
+/// What a proven bound allows when rounding has had its part.
+fn allowed_px() -> f32 {
+    return max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
 }
 
 /// Pixels between a point and the one `rise_m` above it. What is behind the eye counts as if it were in front.
@@ -98,8 +108,7 @@ fn may_break(box: Box, rise_m: f32) -> bool {
     let beside = max(max(box.low, -box.high), vec3(0.0));
     let depth = max(near.x + near.y + near.z, length(beside) / params.ray_most) * (1.0 - 1.0e-5);
     let room = depth - rise_m * abs(params.view_forward.z);
-    let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
-    return room <= 0.0 || params.focal_px * params.tilt_most * rise_m >= allowed_px * room;
+    return room <= 0.0 || params.focal_px * params.tilt_most * rise_m >= allowed_px() * room;
 }
 
 /// What becomes of a vertex.

@@ -63,13 +63,12 @@ fn keeps_bound(motion: f32, box: Box, rise_m: f32, farthest: f32, splits: bool) 
     let near = min(params.view_forward * box.low, params.view_forward * box.high);
     let beside = max(max(box.low, -box.high), vec3(0.0));
     let room = max(near.x + near.y + near.z, length(beside) / params.ray_most) - rise_m * abs(params.view_forward.z);
-    let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
     let moves = (farthest + rise_m) * (motion + CERTAIN * 0.1);
     let tilts = (params.ray_most + 1.0) * motion;
     let most = params.focal_px * (params.tilt_most + tilts) * rise_m;
     let least = params.focal_px * max(params.tilt_most - tilts, 0.0) * rise_m;
-    let stays_leaf = room > moves && most < allowed_px * (room - moves) * (1.0 - CERTAIN);
-    let stays_split = room + moves < 0.0 || least > allowed_px * (room + moves) * (1.0 + CERTAIN);
+    let stays_leaf = room > moves && most < allowed_px() * (room - moves) * (1.0 - CERTAIN);
+    let stays_split = room + moves < 0.0 || least > allowed_px() * (room + moves) * (1.0 + CERTAIN);
     return select(stays_leaf, stays_split, splits);
 }
 
@@ -81,11 +80,8 @@ fn outlook_on(level: u32, at: vec2<u32>) -> Outlook {
     let farthest = length(max(abs(box.low), abs(box.high)));
     var outlook = Outlook(decide_on(level, at), length(max(max(box.low, -box.high), vec3(0.0))), 1.0);
     if CULL {
-        let sides = min(min(farthest_along(params.side_left, box), farthest_along(params.side_right, box)),
-                        min(farthest_along(params.side_top, box), farthest_along(params.side_bottom, box)));
         // in the picture as long as no side is passed, out of it as long as the same one is
-        let inside = min(sides, farthest_along(params.view_forward, box));
-        outlook.motion = max(abs(inside) / farthest - CERTAIN * 0.1, 0.0);
+        outlook.motion = max(abs(reach_inside(box)) / farthest - CERTAIN * 0.1, 0.0);
     }
     if outlook.fate == CULLED || rise_m == 0.0 {
         return outlook;
@@ -93,8 +89,7 @@ fn outlook_on(level: u32, at: vec2<u32>) -> Outlook {
     let splits = outlook.fate == SPLIT;
     var kept = 0.0;
     if PROVEN {
-        let allowed_px = max(params.threshold_px - SLACK_PX, 0.5 * params.threshold_px);
-        let strain = params.focal_px * params.tilt_most * rise_m / max(allowed_px, 1.0e-6);
+        let strain = params.focal_px * params.tilt_most * rise_m / max(allowed_px(), 1.0e-6);
         let motion = motion_for(strain, outlook.distance_m) * outlook.distance_m / farthest;
         kept = select(0.0, motion, keeps_bound(motion, box, rise_m, farthest, splits));
     } else {
