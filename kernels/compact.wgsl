@@ -1,8 +1,12 @@
+//!include lib/place.wgsl
 // Stream compaction: the numbers of the elements above a value, in order, with their count and the workgroups it takes to
 // visit them. The elements are looked at once, and leave a bit each; the counts of 32 of them are summed by scan.wgsl.
+// Where several rows make one element, it is above the value if any of them is, and has the number of the first.
 
 struct Params {
     length: u32,
+    /// Columns and rows of what is looked at, if more than one row makes an element.
+    size: vec2<u32>,
     /// Elements above this are listed.
     above: f32,
     above_number: u32,
@@ -30,13 +34,48 @@ override NUMBERS: bool = false;
 /// There is no whole number of 32 elements.
 override HAS_TAIL: bool = true;
 
-fn bits_of(at: u32) -> u32 {
-    let place = min(at, (params.length - 1u) / 4u);
-    var above: vec4<bool>;
+/// Rows that make one element.
+override ROWS: u32 = 1;
+/// A row is a whole number of four values.
+override IS_ALIGNED: bool = true;
+
+fn are_above(four: u32) -> vec4<bool> {
     if NUMBERS {
-        above = numbers[place] > vec4(params.above_number);
+        return numbers[four] > vec4(params.above_number);
+    }
+    return values[four] > vec4(params.above);
+}
+
+fn is_above(at: u32) -> bool {
+    if NUMBERS {
+        return numbers[at / 4u][at % 4u] > params.above_number;
+    }
+    return values[at / 4u][at % 4u] > params.above;
+}
+
+/// Four elements of several rows.
+fn are_columns_above(at: u32) -> vec4<bool> {
+    var above = vec4(false);
+    for (var i = 0u; i < select(4u, 1u, IS_ALIGNED); i++) {
+        let first = place_of(min(4u * at + i, params.length - 1u), params.size.x);
+        for (var row = first.y * ROWS; row < min(first.y * ROWS + ROWS, params.size.y); row++) {
+            let value = row * params.size.x + first.x;
+            if IS_ALIGNED {
+                above |= are_above(value / 4u);
+            } else {
+                above[i] |= is_above(value);
+            }
+        }
+    }
+    return above;
+}
+
+fn bits_of(at: u32) -> u32 {
+    var above: vec4<bool>;
+    if ROWS == 1u {
+        above = are_above(min(at, (params.length - 1u) / 4u));
     } else {
-        above = values[place] > vec4(params.above);
+        above = are_columns_above(at);
     }
     let bits = select(vec4(0u), vec4(1u, 2u, 4u, 8u), above);
     return (bits.x | bits.y) | (bits.z | bits.w);
@@ -83,7 +122,11 @@ fn scatter(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     var bits = masks[word];
     var at = starts[word];
     while bits != 0u {
-        list[at] = 32u * word + firstTrailingBit(bits);
+        var number = 32u * word + firstTrailingBit(bits);
+        if ROWS > 1u {
+            number += place_of(number, params.size.x).y * (ROWS - 1u) * params.size.x;
+        }
+        list[at] = number;
         bits &= bits - 1u;
         at += 1u;
     }

@@ -89,7 +89,7 @@ fn cases() -> Vec<(String, String)> {
         ),
         ("high", "Shape(kind: Sine, size: (129, 129), cell_m: 0.5, height_m: (8000, 8001), period_cells: 30)"),
     ];
-    let scene = |terrain: &str, surface: &str, camera: &str| {
+    let scene = |terrain: &str, surface: &str, camera: &str, rows: u32| {
         // a mesh of triangles bounds its distance to triangles only
         let bounded = match surface {
             "Triangles" => {
@@ -106,7 +106,7 @@ fn cases() -> Vec<(String, String)> {
              \"paper\": [HeightPyramid, ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1), \
              Project, GridError(threshold_px: 0.5), Rasterize, Compact, RayFill], \
              \"proven\": [HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp, \
-             Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact, RayFill], \
+             Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact(rows: {rows}), RayFill], \
              \"splitting\": [HeightPyramid, Roughness, VertexSplitting(threshold_px: 5), TriangleSplitting, Rasterize]{bounded} }})"
         )
     };
@@ -114,7 +114,9 @@ fn cases() -> Vec<(String, String)> {
     for (name, terrain) in terrains {
         let orbit = "Orbit(frames: 2, turns: 0.6666666666666666, center: (600, 600, 0), radius_m: 900, height_m: 700, clearance_m: 20)";
         for surface in ["Triangles", "Bilinear"] {
-            cases.push((format!("{name} {surface}"), scene(terrain, surface, orbit)));
+            // one ray a pixel, or one for several
+            let rows = if surface == "Triangles" { 3 } else { 1 };
+            cases.push((format!("{name} {surface}"), scene(terrain, surface, orbit, rows)));
         }
     }
     let rough = terrains[3].1;
@@ -127,8 +129,14 @@ fn cases() -> Vec<(String, String)> {
         ("sky", "Still(eye: (1300, 1500, 2000), pitch_deg: 60)"),
     ];
     for (name, camera) in views {
-        cases.push((format!("view {name}"), scene(rough, "Triangles", camera)));
-        cases.push((format!("view {name} Bilinear"), scene(rough, "Bilinear", camera)));
+        cases.push((format!("view {name}"), scene(rough, "Triangles", camera, 1)));
+        cases.push((format!("view {name} Bilinear"), scene(rough, "Bilinear", camera, 3)));
+    }
+    // looked at along gentle slopes, the pixels of a column are near enough for one ray
+    let gentle = "Noise(kind: Billow, seed: 5, size: (151, 150), cell_m: 10.0, height_m: (0, 150), wavelength_m: 700)";
+    let along = "Still(eye: (700, 50, 0), yaw_deg: 5, pitch_deg: -4, clearance_m: 60)";
+    for surface in ["Triangles", "Bilinear"] {
+        cases.push((format!("gentle {surface}"), scene(gentle, surface, along, 2)));
     }
     cases
 }

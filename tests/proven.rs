@@ -7,17 +7,19 @@ use common::{SHAPES, VIEWS, measure, records, run, shared_dem, succeeded};
 /// Runs a Proven chain over scenes, grids and thresholds, and asserts that no pixel breaks its bound.
 fn holds(name: &str, terrain: &str, camera: &str, viewport: &str, surface: &str) {
     let folder = tempfile::tempdir().unwrap();
-    let proven = "GridError(rule: Proven), LeadRays, Rasterize, Compact, RayFill";
+    let proven = |rows: u32| format!("GridError(rule: Proven), LeadRays, Rasterize, Compact(rows: {rows}), RayFill");
+    let [each, two, four] = [1, 2, 4].map(proven);
     let text = format!(
         "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: {viewport}, surface: {surface}), chains: {{ \
-         \"uniform\": [HeightPyramid, PlanePyramid, ViewGrid, Project(filter: Finest), {proven}], \
-         \"warped\": [HeightPyramid, PlanePyramid, ViewGrid, AspectImportance(size: (16, 16)), Warp, Project, {proven}] }}, \
+         \"uniform\": [HeightPyramid, PlanePyramid, ViewGrid, Project(filter: Finest), {each}], \
+         \"shared\": [HeightPyramid, PlanePyramid, ViewGrid, Project(filter: Finest), {four}], \
+         \"warped\": [HeightPyramid, PlanePyramid, ViewGrid, AspectImportance(size: (16, 16)), Warp, Project, {two}] }}, \
          sweep: {{\"*.ViewGrid.size\": [(16, 12), (64, 48)], \"*.GridError.threshold_px\": [0.5, 1, 2]}}, measure: [ScreenError])"
     );
     std::fs::write(folder.path().join("proven.ron"), text).unwrap();
     succeeded(&run(folder.path(), &["run", "proven.ron", "--out", "out"]));
     let records = records(&folder.path().join("out"));
-    assert_eq!(records.len(), 12);
+    assert_eq!(records.len(), 18);
     for record in records {
         let what = format!(
             "{name}: {} {}, worst {:?} px",
@@ -62,6 +64,39 @@ fn on_real_terrain() {
         let terrain = format!("Dem(file: \"{}/{file})", dem.display());
         holds(file, &terrain, camera, "(320, 240)", "Triangles");
     }
+}
+
+/// The picture of a Proven chain with lists of single pixels, and of blocks of rows: are they the same?
+fn shares(terrain: &str, camera: &str, threshold_px: f64, rows: u32) -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let text = format!(
+        "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: (161, 121)), chains: {{ \"proven\": \
+         [HeightPyramid, PlanePyramid, ViewGrid(size: (16, 12)), Project(filter: Finest), \
+         GridError(rule: Proven, threshold_px: {threshold_px}), LeadRays, Rasterize, Compact, RayFill] }}, \
+         sweep: {{\"proven.Compact.rows\": [1, {rows}]}}, measure: [ScreenError])"
+    );
+    std::fs::write(folder.path().join("shared.ron"), text).unwrap();
+    succeeded(&run(folder.path(), &["run", "shared.ron", "--out", "out"]));
+    let records = records(&folder.path().join("out"));
+    for record in &records {
+        assert_eq!(measure(record, "bound_violations"), Some(0.0), "{}", record["settings"]);
+    }
+    let mean: Vec<_> = records.iter().map(|record| measure(record, "error_mean")).collect();
+    assert_eq!(mean.len(), 2);
+    mean[0] != mean[1]
+}
+
+#[test]
+fn pixels_share_a_ray_where_the_bound_has_room_for_it() {
+    let gentle = "Noise(kind: Billow, seed: 5, size: (151, 150), cell_m: 10.0, height_m: (0, 150), wavelength_m: 300)";
+    let along = |roll_deg: u32| {
+        format!("Still(eye: (700, 50, 0), yaw_deg: 5, pitch_deg: -4, roll_deg: {roll_deg}, clearance_m: 60)")
+    };
+    assert!(shares(gentle, &along(0), 1.0, 2));
+    assert!(shares(gentle, &along(180), 1.0, 2), "upside down, the rows' order is the other one");
+    assert!(shares(gentle, &along(0), 2.0, 3));
+    assert!(!shares(gentle, &along(0), 0.5, 2), "half a pixel is all of the bound");
+    assert!(!shares(gentle, &along(90), 1.0, 2), "pixels of a column are beside each other");
 }
 
 /// The estimates of the paper are not bounds; a count that is always zero would say nothing.

@@ -69,6 +69,11 @@ impl SceneData {
         Self { range_m: terrain.range_m(), tiles: tiles(&terrain), scene, terrain, cameras, sees_underside }
     }
 
+    /// The steepest slope of the surface, as a tangent.
+    pub fn steepest(&self) -> f64 {
+        self.terrain.steepest(self.scene.surface)
+    }
+
     /// Every height is the same.
     pub fn is_flat(&self) -> bool {
         self.range_m.0 == self.range_m.1
@@ -92,6 +97,8 @@ pub struct Chain<'a> {
     left_out: Vec<LeftOut>,
     /// What was promised of which buffers: vertices, and what was drawn of them.
     promises: Vec<(Promise, BufferId)>,
+    /// Lists whose elements stand for several rows of pixels, and how many.
+    rows: Vec<(u32, BufferId)>,
     guards: Vec<Guard>,
     capacities: Capacities,
     stage: String,
@@ -125,6 +132,7 @@ impl<'a> Chain<'a> {
             steps: Vec::new(),
             left_out: Vec::new(),
             promises: Vec::new(),
+            rows: Vec::new(),
             guards: Vec::new(),
             capacities: Capacities::new(),
             stage: String::new(),
@@ -285,6 +293,18 @@ impl<'a> Chain<'a> {
     /// What was said of a buffer; another one of the same name has its own.
     pub fn promise_of(&self, buffer: BufferId) -> Option<Promise> {
         self.promises.iter().find(|(_, of)| *of == buffer).map(|(promise, _)| *promise)
+    }
+
+    /// A list of elements' numbers, each of which stands for so many rows.
+    pub fn make_list(&mut self, name: &str, length: u32, rows: u32, meaning: &str) -> BufferId {
+        let list = self.make(name, Elem::U32, &[length], "", meaning);
+        self.rows.push((rows, list));
+        list
+    }
+
+    /// How many rows an element of a list stands for; one, if nobody said otherwise.
+    pub fn rows_of(&self, list: BufferId) -> u32 {
+        self.rows.iter().find(|(_, of)| *of == list).map_or(1, |(rows, _)| *rows)
     }
 
     /// Something this stage found out it need not do.

@@ -38,8 +38,8 @@ impl Stage for LeadRays {
             let depth = |(x, y): (u32, u32)| {
                 let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
                 let (distance, bound) = first_hit(frame, pixel);
-                // a hit that hangs on rounding may be nearer than it is here
-                let nearest = if bound.is_infinite() { 0.0 } else { distance + bound };
+                // a ray whose hit hangs on rounding may meet nothing
+                let nearest = if bound.is_infinite() { f64::INFINITY } else { distance + bound };
                 nearest * frame.camera.ray(pixel).dot(frame.camera.forward())
             };
             pixels.map(depth).filter(|depth| !depth.is_nan()).fold(f64::INFINITY, f64::min)

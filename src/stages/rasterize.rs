@@ -493,7 +493,7 @@ impl Mesh {
 }
 
 /// How far a camera-relative point is inside the terrain's rectangle, in metres.
-fn border_margin_m(frame: &Frame, point: DVec3) -> f64 {
+pub(super) fn border_margin_m(frame: &Frame, point: DVec3) -> f64 {
     let world = (point + frame.camera.eye_m).truncate();
     world.min(frame.data.terrain.extent_m() - world).min_element()
 }

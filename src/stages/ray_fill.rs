@@ -1,18 +1,22 @@
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde::Deserialize;
 
+use super::compact::rows_of;
+use super::grid_error::THRESHOLD;
+use super::rasterize::border_margin_m;
 use super::ray_cast::{Traversed, first_hit};
-use super::{Info, Stage, read_params};
+use super::{EPSILON, Info, Stage, read_params};
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
 use crate::reference::{Buffers, Frame};
 
 pub const INFO: Info = Info {
     name: "RayFill",
-    summary: "exact first hit for the pixels of a list, in place of what the mesh drew there",
-    formula: "as RayCast; from where the mesh was hit if the mesh is nowhere under the surface",
+    summary: "first hit for the pixels of a list, in place of what the mesh drew there; of blocks of rows, within the mesh's bound",
+    formula: "as RayCast, from where the mesh was hit if it is nowhere under the surface; pixels of a block over the bound share the ray between them where off_px <= bound_px",
     source: "Loeffler et al. 2009, section 4 (rendering); the start at the mesh is ours",
     reads: &["height", "height_max", "height_min", "distance", "error", "pixels", "pixels_count"],
     writes: &["distance"],
@@ -37,17 +41,24 @@ impl Stage for RayFill {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (width, tall) = chain.data.scene.viewport;
         let terrain = Traversed::read(chain)?;
-        let pixels = chain.read_as(&self.pixels, Elem::U32, &[width * tall])?;
+        let rows = chain.rows_of(chain.read(&self.pixels)?);
+        let pixels = chain.read_as(&self.pixels, Elem::U32, &[width * tall.div_ceil(rows)])?;
         let count = chain.read_as(&format!("{}_count", self.pixels), Elem::U32, &[4])?;
         let distance = chain.read_as("distance", Elem::F32, &[tall, width])?;
         let error = chain.read_as("error", Elem::F32, &[tall, width])?;
-        let is_proven = |buffer| chain.promise_of(buffer).is_some_and(|promise| promise.proven);
-        let from_mesh = is_proven(distance) && is_proven(error);
+        let promise = chain.promise_of(distance).filter(|promise| promise.proven);
+        let from_mesh = promise.is_some() && chain.promise_of(error).is_some_and(|promise| promise.proven);
         let start = terrain.lead_tiles(chain)?;
         let kernel = Kernel::built_in("ray_fill.wgsl")?;
+        let steepest = if rows == 1 { 0.0 } else { chain.data.steepest() };
         terrain
             .step(chain, "fill", &kernel, "main")
             .constant("FROM_MESH", f64::from(from_mesh))
+            .constant("ROWS", rows.into())
+            .set("steepest", (steepest * 1.000001) as f32)
+            .set("bound_px", promise.map_or(0.0, |promise| promise.bound_px as f32))
+            .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
+            .set_per_frame("forward_z", |camera| camera.forward().z as f32)
             .bind("height", terrain.height)
             .bind("height_min", terrain.lowest)
             .bind("clear_until", start)
@@ -68,17 +79,160 @@ impl Stage for RayFill {
             return buffers.put("distance", distance);
         }
         let count = count.value[3] as usize;
-        let (width, _) = frame.camera.viewport;
+        let width = frame.camera.viewport.0 as usize;
+        let rows = buffers.get(&rows_of(&self.pixels)).value.first().map_or(1, |&rows| rows as usize);
+        let error = buffers.get("error");
+        let threshold_px = buffers.get(THRESHOLD).value.first().copied().filter(|_| buffers.contains("cell_bound"));
+        let shared = Shared { frame, bound_px: threshold_px, steepest: frame.data.steepest() };
         let hits: Vec<(usize, f64, f64)> = pixels.value[..count.min(pixels.value.len())]
             .par_iter()
-            .map(|&number| {
-                let number = number as usize;
-                let place = DVec2::new((number % width as usize) as f64, (number / width as usize) as f64) + 0.5;
-                let (value, bound) = first_hit(frame, place);
-                (number, value, bound)
+            .flat_map_iter(|&number| {
+                let (x, y) = (number as usize % width, number as usize / width);
+                if rows == 1 {
+                    return vec![(x, y, first_hit(frame, centre(x, y)))];
+                }
+                let listed = (y..y + rows).filter(|y| error.value.get(y * width + x).is_some_and(|&error| error > 0.0));
+                shared.block(x, &listed.collect::<Vec<_>>())
             })
+            .map(|(x, y, (value, bound))| (y * width + x, value, bound))
             .collect();
         hits.into_iter().for_each(|(number, value, bound)| distance.set(number, value, bound));
         buffers.put("distance", distance);
     }
+}
+
+fn centre(x: usize, y: usize) -> DVec2 {
+    DVec2::new(x as f64, y as f64) + 0.5
+}
+
+/// One ray for several pixels, one under another.
+struct Shared<'a> {
+    frame: &'a Frame<'a>,
+    /// None for a mesh that has no proven bound.
+    bound_px: Option<f64>,
+    steepest: f64,
+}
+
+impl Shared<'_> {
+    /// The ray through a place in the picture, with length 1 along the view direction.
+    fn ray(&self, place: DVec2) -> DVec3 {
+        let [right, down, corner] = self.frame.camera.pixel_basis();
+        corner + right * place.x + down * place.y
+    }
+
+    /// What the pixels of some rows of a column show, each with its bound.
+    fn block(&self, x: usize, rows: &[usize]) -> Vec<(usize, usize, (f64, f64))> {
+        let each = || rows.iter().map(|&y| (x, y, first_hit(self.frame, centre(x, y)))).collect();
+        let undecided = || rows.iter().map(|&y| (x, y, (f64::NAN, f64::INFINITY))).collect();
+        let (Some(&first), Some(&last)) = (rows.first(), rows.last()) else { return Vec::new() };
+        let Some(bound_px) = self.bound_px.filter(|_| first < last && !self.frame.data.sees_underside) else {
+            return each();
+        };
+        let place = 0.5 * (centre(x, first) + centre(x, last));
+        let middle = self.ray(place);
+        let serves = |y| self.serves(middle, self.ray(centre(x, y)), bound_px);
+        match (first..=last).map(serves).try_fold(true, |all, one| one.map(|one| all && one)) {
+            None => return undecided(),
+            Some(false) => return each(),
+            Some(true) => {}
+        }
+        let (distance, bound) = first_hit(self.frame, place);
+        if distance.is_nan() || bound.is_infinite() {
+            return rows.iter().map(|&y| (x, y, (distance, bound))).collect();
+        }
+        let hit = Hit::new(self.frame, middle, distance / middle.length(), bound);
+        let shown: Option<Vec<_>> = rows.iter().map(|&y| hit.shown_at(self.ray(centre(x, y)))).collect();
+        match shown {
+            None => undecided(),
+            Some(shown) if shown.iter().any(|pixel| pixel.is_outside) => each(),
+            Some(shown) => rows.iter().zip(shown).map(|(&y, pixel)| (x, y, pixel.distance)).collect(),
+        }
+    }
+
+    /// Whether one ray serves another's pixel; `None` where rounding decides.
+    fn serves(&self, shared: DVec3, own: DVec3, bound_px: f64) -> Option<bool> {
+        let camera = self.frame.camera;
+        let along = beside(shared, own);
+        let slack = self.steepest * ((shared.truncate() - own.truncate() * along).length() + 1e-6);
+        let off = (own.z * along - shared.z).abs() + slack;
+        let depth = along - off * camera.forward().z.abs();
+        if depth <= 0.0 {
+            return Some(false);
+        }
+        let px = camera.focal_px() * (own * camera.forward().z - DVec3::Z).length() / depth;
+        let room = (bound_px - off * px * 1.0001 - 0.02).min(bound_px - 2.0 * slack * px);
+        (room.abs() > 1e-2 * bound_px + 1e-5 * self.steepest * camera.focal_px()).then_some(room > 0.0)
+    }
+}
+
+/// Parameter of a ray where it passes closest to where another has 1, on the ground.
+fn beside(shared: DVec3, own: DVec3) -> f64 {
+    shared.truncate().dot(own.truncate()) / own.truncate().length_squared()
+}
+
+/// What a shared ray has hit.
+struct Hit<'a> {
+    frame: &'a Frame<'a>,
+    ray: DVec3,
+    t: f64,
+    bound_m: f64,
+}
+
+/// What one of its pixels shows.
+struct Shown {
+    distance: (f64, f64),
+    is_outside: bool,
+}
+
+impl<'a> Hit<'a> {
+    fn new(frame: &'a Frame, ray: DVec3, t: f64, bound_m: f64) -> Self {
+        Self { frame, ray, t, bound_m }
+    }
+
+    /// `None` where rounding decides which triangle it is, or whether it is left.
+    fn shown_at(&self, own: DVec3) -> Option<Shown> {
+        let terrain = &self.frame.data.terrain;
+        let cells = |ray: DVec3| DVec2::new(ray.x, -ray.y) / terrain.cell_m;
+        let origin = terrain.sample_from_world(self.frame.camera.eye_m.truncate());
+        let at = origin + cells(self.ray * self.t);
+        let cell = at.floor().clamp(DVec2::ZERO, terrain.size.as_dvec2() - 2.0);
+        let rounding = 64.0 * EPSILON * cells(self.ray * self.t).abs().max_element()
+            + self.bound_m / terrain.cell_m.min_element()
+            + 1e-5;
+        let mut t = self.t * beside(self.ray, own);
+        let mut bound_m = (self.bound_m + 16.0 * EPSILON * t) * own.length();
+        if self.frame.data.scene.surface == Surface::Triangles {
+            let half = half_of(at - cell, rounding)?;
+            let height = |x, y| f64::from(terrain.height_m(cell.x as u32 + x, cell.y as u32 + y));
+            let slope = match half {
+                true => DVec2::new(height(1, 0) - height(0, 0), height(0, 1) - height(0, 0)),
+                false => DVec2::new(height(1, 1) - height(0, 1), height(1, 1) - height(1, 0)),
+            };
+            let gap = own.z * t - self.ray.z * self.t - slope.dot(cells(own * t - self.ray * self.t));
+            let steep = own.z - slope.dot(cells(own));
+            let exact = t - gap / steep;
+            let place = origin + cells(own * exact) - cell;
+            let scale_m =
+                self.frame.camera.eye_m.z.abs() + self.frame.data.range_m.1.abs().max(self.frame.data.range_m.0.abs());
+            let off_m = 32.0 * EPSILON * (scale_m + exact * (1.0 + slope.dot(cells(own)).abs() + own.length()));
+            let leaves =
+                !(DVec2::splat(-rounding).cmplt(place).all() && place.cmplt(DVec2::splat(1.0 + rounding)).all());
+            if steep < 0.0 && exact > 0.0 && !leaves {
+                if half_of(place, rounding)? == half {
+                    t = exact;
+                    bound_m = (off_m / -steep + 16.0 * EPSILON * t) * own.length();
+                }
+            } else if steep.abs() < 1e-6 {
+                return None;
+            }
+        }
+        let margin = border_margin_m(self.frame, own * t) / terrain.cell_m.min_element();
+        (margin.abs() > rounding).then_some(Shown { distance: (t * own.length(), bound_m), is_outside: margin < 0.0 })
+    }
+}
+
+/// Whether a place in a cell is in its north-western half; `None` close to the border of either.
+fn half_of(place: DVec2, rounding: f64) -> Option<bool> {
+    let borders = [place.x, place.y, 1.0 - place.x, 1.0 - place.y, place.x + place.y - 1.0];
+    borders.iter().all(|border| border.abs() > rounding).then_some(place.x + place.y <= 1.0)
 }

@@ -9,6 +9,7 @@ mod shapes;
 use std::path::Path;
 
 use glam::{DVec2, UVec2};
+use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::experiment::scene::{Dem, Surface, Terrain};
@@ -112,6 +113,27 @@ impl HeightField {
     pub fn range_m(&self) -> (f64, f64) {
         let (low, high) = self.heights_m.iter().fold((f32::MAX, f32::MIN), |(low, high), &h| (low.min(h), high.max(h)));
         (f64::from(low), f64::from(high))
+    }
+
+    /// The steepest slope of the surface anywhere, as a tangent: nowhere do its heights differ by more than this times the distance.
+    pub fn steepest(&self, surface: Surface) -> f64 {
+        let height = |column, row| f64::from(self.height_m(column, row));
+        let in_cell = |column, row| {
+            let (nw, ne) = (height(column, row), height(column + 1, row));
+            let (sw, se) = (height(column, row + 1), height(column + 1, row + 1));
+            let [north, west, south, east] = [
+                (ne - nw) / self.cell_m.x,
+                (sw - nw) / self.cell_m.y,
+                (se - sw) / self.cell_m.x,
+                (se - ne) / self.cell_m.y,
+            ];
+            match surface {
+                Surface::Triangles => north.hypot(west).max(south.hypot(east)),
+                Surface::Bilinear => north.abs().max(south.abs()).hypot(west.abs().max(east.abs())),
+            }
+        };
+        let in_row = |row| (0..self.size.x - 1).map(|column| in_cell(column, row)).fold(0.0, f64::max);
+        (0..self.size.y - 1).into_par_iter().map(in_row).reduce(|| 0.0, f64::max)
     }
 
     /// World metres from the south-west to the north-east sample.
