@@ -134,6 +134,11 @@ fn ron_cases() -> Vec<Case> {
         case("importance of nothing", experiment("Project,", "AspectImportance(size: (0, 4)), Warp, Project,")),
         case("a list of vectors", experiment("Project,", "Project, Compact(of: \"vertex\"),")),
         case("a list above nothing", experiment("Project,", "Project, Compact(of: \"height\", above: NaN),")),
+        case("a list of no rows", experiment("Project,", "Project, Compact(of: \"height\", rows: 0),")),
+        case(
+            "a list of rows of a list",
+            experiment("Project,", "Project, Compact(of: \"height\"), Compact(of: \"pixels\", rows: 2),"),
+        ),
         case("sums of floats", experiment("Project,", "Project, Scan(of: \"height\"),")),
         case("a fill without a list", experiment("Rasterize,", "Rasterize, RayFill,")),
         case("axis that matches nothing", experiment("grid.ViewGrid.size", "grid.ViewGird.size")),

@@ -57,3 +57,32 @@ fn a_compacted_list_is_exact() {
         }
     }
 }
+
+#[test]
+fn rows_make_one_element() {
+    let gpu = Gpu::open(None).unwrap();
+    for (width, tall) in [(1, 1), (1, 7), (3, 5), (4, 2), (8, 8), (37, 13), (64, 33), (1000, 67)] {
+        for (kind, above) in [(0, 0u32), (1, 0), (2, 0), (3, 1 << 31)] {
+            for rows in [2, 3, 16] {
+                let source = format!(
+                    "Kernel(file: \"pattern.wgsl\", entry: \"numbers\", bind: {{\"counts\": New(name: \"counts\", of: U32, \
+                     size: ({width}, {tall}))}}, params: (kind: {kind}), over: ({}, 1))",
+                    width * tall
+                );
+                let compact = format!("Compact(of: \"counts\", above: {above}, rows: {rows}, to: \"list\")");
+                let ran = Ran::chain(&gpu, SCENE, &format!("[{source}, {compact}]"));
+                let counts = ran.read::<u32>("counts");
+                let is_above = |x: u32, row: u32| row < tall && counts[(row * width + x) as usize] > above;
+                let expected: Vec<u32> = (0..tall)
+                    .step_by(rows as usize)
+                    .flat_map(|y| (0..width).map(move |x| (x, y)))
+                    .filter(|&(x, y)| (y..y + rows).any(|row| is_above(x, row)))
+                    .map(|(x, y)| y * width + x)
+                    .collect();
+                let what = format!("pattern {kind}, {width} x {tall}, {rows} rows");
+                assert_eq!(ran.read::<u32>("list_count")[3] as usize, expected.len(), "{what}");
+                assert_eq!(ran.read::<u32>("list")[..expected.len()], expected, "{what}");
+            }
+        }
+    }
+}

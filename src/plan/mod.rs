@@ -7,14 +7,18 @@ mod alias;
 pub mod chain;
 mod explain;
 mod prune;
+mod scene;
+mod step;
 
 use std::sync::Arc;
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{BindingKind, Elem, Kernel};
 
-pub use chain::{Chain, Promise, SceneData};
+pub use chain::{Chain, Promise};
 pub use explain::{explain, megabytes};
+pub use scene::{SceneData, Tile};
+pub use step::StepBuilder;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BufferId(pub usize);

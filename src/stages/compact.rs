@@ -5,7 +5,7 @@ use super::scan::{RUN, over_runs, scan};
 use super::{Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::chain::StepBuilder;
+use crate::plan::StepBuilder;
 use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame, Values};
 

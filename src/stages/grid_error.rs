@@ -6,8 +6,8 @@ use super::{EPSILON, Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::chain::{Promise, StepBuilder};
 use crate::plan::{BufferId, Chain};
+use crate::plan::{Promise, StepBuilder};
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {

@@ -10,7 +10,7 @@ use glam::{DVec2, DVec3};
 use super::EPSILON;
 use crate::camera::Camera;
 use crate::plan::SceneData;
-use crate::plan::chain::StepBuilder;
+use crate::plan::StepBuilder;
 
 /// Ray of grid point (u, v): `corner + u right + v down`; all relative to the camera's eye, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]

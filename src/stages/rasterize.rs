@@ -11,7 +11,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::Chain;
-use crate::plan::chain::StepBuilder;
+use crate::plan::StepBuilder;
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {

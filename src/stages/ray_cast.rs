@@ -9,7 +9,7 @@ use super::{EPSILON, Info, Stage, read_params};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::chain::StepBuilder;
+use crate::plan::StepBuilder;
 use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame, Values};
 

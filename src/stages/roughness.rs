@@ -7,7 +7,7 @@ use super::{EPSILON, Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::chain::StepBuilder;
+use crate::plan::StepBuilder;
 use crate::plan::{Chain, Promise};
 use crate::reference::{Buffers, Frame, Values};
 

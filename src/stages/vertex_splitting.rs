@@ -10,7 +10,7 @@ use super::{Info, Stage};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::chain::StepBuilder;
+use crate::plan::StepBuilder;
 use crate::plan::{BufferId, Chain, Promise, SceneData};
 use crate::reference::{Buffers, Frame, Values};
 

@@ -4,7 +4,7 @@ use serde::Deserialize;
 use super::{EPSILON, Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::chain::StepBuilder;
+use crate::plan::StepBuilder;
 use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame, Values};
 

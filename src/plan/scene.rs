@@ -1,0 +1,78 @@
+//! The scene that a plan is made for, in memory.
+
+use std::sync::Arc;
+
+use glam::UVec2;
+
+use crate::camera::Camera;
+use crate::experiment::scene::Scene;
+use crate::terrain::HeightField;
+
+/// A scene with its terrain in memory and the cameras of all frames.
+#[derive(Clone, Debug)]
+pub struct SceneData {
+    pub scene: Scene,
+    pub terrain: Arc<HeightField>,
+    pub cameras: Vec<Camera>,
+    /// Lowest and highest height of the terrain in metres.
+    pub range_m: (f64, f64),
+    /// The terrain in at most 16 x 16 parts, each with its own lowest and highest height.
+    pub tiles: Vec<Tile>,
+    /// A frame's eye is under the surface or outside the terrain, so that rays can run under the surface.
+    pub sees_underside: bool,
+}
+
+/// Samples `columns.0..=columns.1`, `rows.0..=rows.1` and their height range in metres.
+#[derive(Clone, Copy, Debug)]
+pub struct Tile {
+    pub columns: (u32, u32),
+    pub rows: (u32, u32),
+    pub low_m: f32,
+    pub high_m: f32,
+}
+
+/// Tiles a side.
+const TILES: u32 = 16;
+
+fn tiles(terrain: &HeightField) -> Vec<Tile> {
+    let last = terrain.size - UVec2::ONE;
+    let count = last.min(UVec2::splat(TILES));
+    let part = |at: u32, last: u32, count: u32| (last * at / count, last * (at + 1) / count);
+    let mut tiles = Vec::new();
+    for y in 0..count.y {
+        for x in 0..count.x {
+            let (columns, rows) = (part(x, last.x, count.x), part(y, last.y, count.y));
+            let heights = (rows.0..=rows.1).flat_map(|row| {
+                let start = (row * terrain.size.x) as usize;
+                &terrain.heights_m[start + columns.0 as usize..=start + columns.1 as usize]
+            });
+            let (low_m, high_m) = heights.fold((f32::MAX, f32::MIN), |(low, high), &h| (low.min(h), high.max(h)));
+            tiles.push(Tile { columns, rows, low_m, high_m });
+        }
+    }
+    tiles
+}
+
+impl SceneData {
+    pub fn new(scene: Scene, terrain: Arc<HeightField>) -> Self {
+        let cameras = crate::camera::path(&scene, &terrain);
+        let extent_m = terrain.extent_m();
+        let sees_underside = cameras.iter().any(|camera| {
+            let ground = camera.eye_m.truncate();
+            ground.cmplt(glam::DVec2::ZERO).any()
+                || ground.cmpgt(extent_m).any()
+                || camera.eye_m.z < terrain.surface_m(ground, scene.surface)
+        });
+        Self { range_m: terrain.range_m(), tiles: tiles(&terrain), scene, terrain, cameras, sees_underside }
+    }
+
+    /// The steepest slope of the surface, as a tangent.
+    pub fn steepest(&self) -> f64 {
+        self.terrain.steepest(self.scene.surface)
+    }
+
+    /// Every height is the same.
+    pub fn is_flat(&self) -> bool {
+        self.range_m.0 == self.range_m.1
+    }
+}
