@@ -12,11 +12,13 @@ struct Params {
     stride: u32,
     tall: u32,
     top: u32,
+    /// Elements that the list has room for.
+    length: u32,
     /// Steepest slope of the surface, as a tangent.
     steepest: f32,
     /// Largest error that a pixel may have.
     bound_px: f32,
-    /// Pixels leader the middle of the picture to where a ray leaves it at 45 degrees.
+    /// Pixels from the middle of the picture to where a ray leaves it at 45 degrees.
     focal_px: f32,
     /// Upward part of the view direction.
     forward_z: f32,
@@ -88,6 +90,9 @@ fn beside(shared_m: vec3<f32>, own_m: vec3<f32>) -> f32 {
     return dot(shared_m.xy, own_m.xy) / max(dot(own_m.xy, own_m.xy), 1e-12);
 }
 
+/// How much farther or nearer than on its own ray a pixel may show what another ray has hit.
+const MOST_APART: f32 = 0.1;
+
 /// Whether what is hit on a ray, and that nothing is hit before, holds for a pixel's own ray within its bound. Both rays are
 /// straight: what they are apart, in height and aside times the steepest slope there is, grows with the distance, and is as many
 /// pixels everywhere.
@@ -96,10 +101,11 @@ fn serves(shared_m: vec3<f32>, own_m: vec3<f32>) -> bool {
     // a millionth is what rounding may do to a ray
     let aside = length(shared_m.xy - own_m.xy * along) + 1e-6;
     let slack = params.steepest * aside;
-    let off = abs(own_m.z * along - shared_m.z) + slack;
+    let off = max(abs(own_m.z * along - shared_m.z), slack) + slack;
     let depth = along - off * abs(params.forward_z);
-    let px = params.focal_px * length(own_m * params.forward_z - vec3(0.0, 0.0, 1.0)) / depth;
-    return depth > 0.0 && off * px * 1.0001 + 0.02 <= params.bound_px && 2.0 * slack * px <= params.bound_px;
+    let off_px = params.focal_px * off * length(own_m * params.forward_z - vec3(0.0, 0.0, 1.0)) / depth;
+    // close to the ground below the eye, the same ground can be at quite another distance
+    return abs(along - 1.0) <= MOST_APART && depth > 0.0 && off_px * 1.0001 + 0.02 <= params.bound_px;
 }
 
 /// One of the two triangles of a cell.
@@ -139,10 +145,10 @@ fn show(pixel: vec2<u32>, shared_m: vec3<f32>, t: f32, hit: Triangle) -> bool {
         let is_inside = all(place >= vec2(0.0)) && all(place <= vec2(1.0)) && is_north_west == hit.is_north_west;
         own_t = select(own_t, exact, is_inside && steep < 0.0 && exact > 0.0);
     }
-    distance[number_of(pixel)] = select(own_t * length(own_m), NO_SURFACE, t >= FAR);
+    distance[number_of(pixel)] = own_t * length(own_m);
     let low = relative_cells(terrain, vec2(0));
     let high = relative_cells(terrain, vec2<i32>(terrain.size) - 1);
-    return t >= FAR || all(own * own_t >= low) && all(own * own_t <= high);
+    return all(own * own_t >= low) && all(own * own_t <= high);
 }
 
 /// The pixels over the bound of a block that is one pixel wide: by one ray in their middle if it serves them all, otherwise each by
@@ -162,7 +168,8 @@ fn cast_block(block: vec2<u32>) {
     let middle_m = view_ray(params.camera, vec2<f32>(block) + 0.5 + vec2(0.0, 0.5 * f32(first + last)));
     var each = UNDERSIDE || !FROM_MESH || first == last;
     for (var row = first; row <= last; row++) {
-        each |= !serves(middle_m, view_ray_of_pixel(params.camera, block + vec2(0u, row)));
+        let pixel = block + vec2(0u, row);
+        each |= is_over(pixel) && !serves(middle_m, view_ray_of_pixel(params.camera, pixel));
     }
     var is_untouched = true;
     var row = first;
@@ -187,18 +194,19 @@ fn cast_block(block: vec2<u32>) {
             row += 1u;
             continue;
         }
-        let hit = triangle_at(middle_m * select(t, 0.0, t >= FAR));
-        var all_stay = true;
+        // a ray that has left the terrain knows nothing of one beside it that has not
+        each = t >= FAR;
+        if each {
+            continue;
+        }
+        let hit = triangle_at(middle_m * t);
         for (var other = first; other <= last; other++) {
             let pixel = block + vec2(0u, other);
-            if is_over(pixel) {
-                all_stay &= show(pixel, middle_m, t, hit);
-            }
+            each |= is_over(pixel) && !show(pixel, middle_m, t, hit);
         }
-        if all_stay {
+        if !each {
             break;
         }
-        each = true;
         is_untouched = false;
     }
 }
@@ -207,7 +215,7 @@ fn cast_block(block: vec2<u32>) {
 fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
     let at = id.y * groups.x * 64u + id.x;
     let every = params.camera.viewport.x * params.camera.viewport.y;
-    if at >= min(pixels_count[3], every) {
+    if at >= min(pixels_count[3], params.length) {
         return;
     }
     // anybody can make a list

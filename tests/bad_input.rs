@@ -139,8 +139,15 @@ fn ron_cases() -> Vec<Case> {
             "a list of rows of a list",
             experiment("Project,", "Project, Compact(of: \"height\"), Compact(of: \"pixels\", rows: 2),"),
         ),
+        case(
+            "a fill of rows of another list",
+            experiment(
+                "Project, Rasterize,",
+                "Project, GridError, Rasterize, Compact(of: \"distance\", rows: 2), RayFill,",
+            ),
+        ),
         case("sums of floats", experiment("Project,", "Project, Scan(of: \"height\"),")),
-        case("a fill without a list", experiment("Rasterize,", "Rasterize, RayFill,")),
+        case("a fill without a list", experiment("Project, Rasterize,", "Project, GridError, Rasterize, RayFill,")),
         case("axis that matches nothing", experiment("grid.ViewGrid.size", "grid.ViewGird.size")),
         case("axis over no chain", experiment("grid.ViewGrid.size", "mesh.ViewGrid.size")),
         case("axis without values", experiment("[(8, 8), (16, 16)]", "[]")),

@@ -40,6 +40,16 @@ fn on_exact_shapes_from_everywhere() {
     }
 }
 
+/// Rays all but along the terrain's border, where one leaves it and the one beside it has a way to go.
+#[test]
+fn along_the_border() {
+    let camera = "Flight(frames: 24, clearance_m: 12, \
+                  keys: [(eye: (3, 60, 100), look_at: (366, 1000, 0)), (eye: (3, 120, 100), look_at: (366, 1060, 0))])";
+    for surface in ["Triangles", "Bilinear"] {
+        holds("along the border", SHAPES[2].1, camera, "(160, 120)", surface);
+    }
+}
+
 #[test]
 fn on_bilinear_patches() {
     for (shape, terrain) in [SHAPES[2], SHAPES[3]] {

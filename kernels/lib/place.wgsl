@@ -1,6 +1,6 @@
 // Columns and rows of numbered elements.
 
-/// Column and row of an element in rows of `width`. (A division of integers is slow where there are no vectors of them, and what
+/// Column and row of an element in at most 2^23 rows of `width`. (A division of integers is slow where there are no vectors of them, and what
 /// this one in floats may be off by one row is put right.)
 fn place_of(index: u32, width: u32) -> vec2<u32> {
     let across = i32(width);

@@ -16,6 +16,16 @@ pub struct Promise {
     pub proven: bool,
 }
 
+/// What a list of numbers was made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Listing {
+    /// Elements above `above` in there.
+    pub of: BufferId,
+    pub above: f64,
+    /// So many rows make one element, which has the number of the first.
+    pub rows: u32,
+}
+
 /// A chain while its stages are asked for their steps, in order.
 pub struct Chain<'a> {
     pub data: &'a SceneData,
@@ -25,8 +35,8 @@ pub struct Chain<'a> {
     left_out: Vec<LeftOut>,
     /// What was promised of which buffers: vertices, and what was drawn of them.
     promises: Vec<(Promise, BufferId)>,
-    /// Lists whose elements stand for several rows of pixels, and how many.
-    rows: Vec<(u32, BufferId)>,
+    /// What lists have the numbers of.
+    listings: Vec<(Listing, BufferId)>,
     guards: Vec<Guard>,
     capacities: Capacities,
     stage: String,
@@ -60,7 +70,7 @@ impl<'a> Chain<'a> {
             steps: Vec::new(),
             left_out: Vec::new(),
             promises: Vec::new(),
-            rows: Vec::new(),
+            listings: Vec::new(),
             guards: Vec::new(),
             capacities: Capacities::new(),
             stage: String::new(),
@@ -223,16 +233,19 @@ impl<'a> Chain<'a> {
         self.promises.iter().find(|(_, of)| *of == buffer).map(|(promise, _)| *promise)
     }
 
-    /// A list of elements' numbers, each of which stands for so many rows.
-    pub fn make_list(&mut self, name: &str, length: u32, rows: u32, meaning: &str) -> BufferId {
-        let list = self.make(name, Elem::U32, &[length], "", meaning);
-        self.rows.push((rows, list));
-        list
+    /// Says what a list has the numbers of.
+    pub fn list(&mut self, list: BufferId, listing: Listing) {
+        self.listings.push((listing, list));
     }
 
-    /// How many rows an element of a list stands for; one, if nobody said otherwise.
-    pub fn rows_of(&self, list: BufferId) -> u32 {
-        self.rows.iter().find(|(_, of)| *of == list).map_or(1, |(rows, _)| *rows)
+    /// What was said of a list; nothing, if a kernel of the user's made it.
+    pub fn listing_of(&self, list: BufferId) -> Option<Listing> {
+        self.listings.iter().find(|(_, of)| *of == list).map(|(listing, _)| *listing)
+    }
+
+    /// How many steps so far write a buffer.
+    pub fn steps_writing(&self, buffer: BufferId) -> usize {
+        self.steps.iter().filter(|step| step.writes.contains(&buffer)).count()
     }
 
     /// Something this stage found out it need not do.

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{BindingKind, Elem, Kernel};
 
-pub use chain::{Chain, Promise};
+pub use chain::{Chain, Listing, Promise};
 pub use explain::{explain, megabytes};
 pub use scene::{SceneData, Tile};
 pub use step::StepBuilder;

@@ -5,8 +5,7 @@ use super::scan::{RUN, over_runs, scan};
 use super::{Info, Stage};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::StepBuilder;
-use crate::plan::{BufferId, Chain};
+use crate::plan::{BufferId, Chain, Listing, StepBuilder};
 use crate::reference::{Buffers, Frame, Values};
 
 pub const INFO: Info = Info {
@@ -23,7 +22,7 @@ pub const INFO: Info = Info {
         (
             "rows",
             "1",
-            "so many rows of a buffer with two dimensions make one element: it is above if any is, its number is the first's",
+            "so many rows of a buffer with two dimensions make one element: it is above if any is, its number is the first's; where `GridError` has proven a bound, RayFill can give such a block one ray",
         ),
         ("to", "\"pixels\"", "the list to make; its count is called the same with `_count`"),
     ],
@@ -63,6 +62,8 @@ impl Default for Compact {
 const VISITORS: u32 = 64;
 /// The most rows that make one element: a kernel that visits the list looks at all of them.
 const MOST_ROWS: u32 = 16;
+/// The most rows of a buffer that `place_of` of `kernels/lib/place.wgsl` finds again.
+const MOST_TALL: u32 = 1 << 23;
 /// The most workgroups a side of a dispatch may have on any adapter.
 const MOST_GROUPS: u32 = 65535;
 
@@ -116,6 +117,10 @@ impl Compact {
             );
             return Err(Diagnostic::input(message).at(chain.origin(), "this stage looks at several rows at once"));
         };
+        if tall > MOST_TALL {
+            let message = format!("`{}` has {tall} rows, and blocks can be listed of {MOST_TALL}", self.of);
+            return Err(Diagnostic::input(message).at(chain.origin(), "this stage looks at several rows at once"));
+        }
         Ok(Source { numbers, length: tall.div_ceil(self.rows) * width, size: UVec2::new(width, tall) })
     }
 
@@ -147,7 +152,8 @@ impl Stage for Compact {
         let source = self.source(chain, values)?;
         let words = source.length.div_ceil(RUN);
         let meaning = "numbers of the elements listed, in order";
-        let list = chain.make_list(&self.to, source.length, self.rows, meaning);
+        let list = chain.make(&self.to, Elem::U32, &[source.length], "", meaning);
+        chain.list(list, Listing { of: values, above: self.above, rows: self.rows });
         let count_name = format!("{}_count", self.to);
         let count = chain.make(&count_name, Elem::U32, &[4], "", "workgroups along x, y, z; length of the list");
         let mut make = |what: &str, length: u32, meaning: &str| {

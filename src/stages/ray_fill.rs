@@ -10,13 +10,13 @@ use super::{EPSILON, Info, Stage, read_params};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
 use crate::kernel::{Elem, Kernel};
-use crate::plan::Chain;
+use crate::plan::{BufferId, Chain};
 use crate::reference::{Buffers, Frame};
 
 pub const INFO: Info = Info {
     name: "RayFill",
     summary: "first hit for the pixels of a list, in place of what the mesh drew there; of blocks of rows, within the mesh's bound",
-    formula: "as RayCast, from where the mesh was hit if it is nowhere under the surface; pixels of a block over the bound share the ray between them where off_px <= bound_px",
+    formula: "as RayCast, from where the mesh was hit if it is nowhere under the surface; pixels of a block over the bound share the ray between them where focal_px (h + G a) |q f_z - z| / (s - (h + G a) |f_z|) is within it (docs/proven_bound.md, 5)",
     source: "Loeffler et al. 2009, section 4 (rendering); the start at the mesh is ours",
     reads: &["height", "height_max", "height_min", "distance", "error", "pixels", "pixels_count"],
     writes: &["distance"],
@@ -37,17 +37,51 @@ impl Default for RayFill {
     }
 }
 
+/// The pixels to fill.
+struct List {
+    pixels: BufferId,
+    count: BufferId,
+    rows: u32,
+    length: u32,
+}
+
+impl RayFill {
+    fn list(&self, chain: &Chain, error: BufferId) -> Result<List, Diagnostic> {
+        let (width, tall) = chain.data.scene.viewport;
+        let count_name = format!("{}_count", self.pixels);
+        let listing = chain.listing_of(chain.read(&self.pixels)?).filter(|listing| listing.rows > 1);
+        let Some(listing) = listing else {
+            let length = width * tall;
+            let pixels = chain.read_as(&self.pixels, Elem::U32, &[length])?;
+            let count = chain.read_as(&count_name, Elem::U32, &[4])?;
+            return Ok(List { pixels, count, rows: 1, length });
+        };
+        if listing.of != error || listing.above != 0.0 {
+            let listed = &chain.buffer(listing.of).name;
+            let message = format!(
+                "blocks of rows are filled where `error` is above 0, and `{}` lists `{listed}` above {}",
+                self.pixels, listing.above
+            );
+            return Err(Diagnostic::input(message).at(chain.origin(), "this stage").help("list it with `rows: 1`"));
+        }
+        let length = width * tall.div_ceil(listing.rows);
+        let pixels = chain.read_own(&self.pixels, Elem::U32, &[length])?;
+        let count = chain.read_own(&count_name, Elem::U32, &[4])?;
+        Ok(List { pixels, count, rows: listing.rows, length })
+    }
+}
+
 impl Stage for RayFill {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (width, tall) = chain.data.scene.viewport;
         let terrain = Traversed::read(chain)?;
-        let rows = chain.rows_of(chain.read(&self.pixels)?);
-        let pixels = chain.read_as(&self.pixels, Elem::U32, &[width * tall.div_ceil(rows)])?;
-        let count = chain.read_as(&format!("{}_count", self.pixels), Elem::U32, &[4])?;
         let distance = chain.read_as("distance", Elem::F32, &[tall, width])?;
         let error = chain.read_as("error", Elem::F32, &[tall, width])?;
+        let List { pixels, count, rows, length } = self.list(chain, error)?;
         let promise = chain.promise_of(distance).filter(|promise| promise.proven);
-        let from_mesh = promise.is_some() && chain.promise_of(error).is_some_and(|promise| promise.proven);
+        // what another fill has shown may be behind the surface, if only by the bound
+        let is_drawn = chain.steps_writing(distance) == 1;
+        let from_mesh = promise.is_some() && is_drawn && chain.promise_of(error).is_some_and(|promise| promise.proven);
         let start = terrain.lead_tiles(chain)?;
         let kernel = Kernel::built_in("ray_fill.wgsl")?;
         let steepest = if rows == 1 { 0.0 } else { chain.data.steepest() };
@@ -55,6 +89,7 @@ impl Stage for RayFill {
             .step(chain, "fill", &kernel, "main")
             .constant("FROM_MESH", f64::from(from_mesh))
             .constant("ROWS", rows.into())
+            .set("length", length)
             .set("steepest", (steepest * 1.000001) as f32)
             .set("bound_px", promise.map_or(0.0, |promise| promise.bound_px as f32))
             .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
@@ -83,7 +118,8 @@ impl Stage for RayFill {
         let rows = buffers.get(&rows_of(&self.pixels)).value.first().map_or(1, |&rows| rows as usize);
         let error = buffers.get("error");
         let threshold_px = buffers.get(THRESHOLD).value.first().copied().filter(|_| buffers.contains("cell_bound"));
-        let shared = Shared { frame, bound_px: threshold_px, steepest: frame.data.steepest() };
+        let shared =
+            Shared { frame, bound_px: threshold_px, steepest: if rows == 1 { 0.0 } else { frame.data.steepest() } };
         let hits: Vec<(usize, f64, f64)> = pixels.value[..count.min(pixels.value.len())]
             .par_iter()
             .flat_map_iter(|&number| {
@@ -104,6 +140,9 @@ impl Stage for RayFill {
 fn centre(x: usize, y: usize) -> DVec2 {
     DVec2::new(x as f64, y as f64) + 0.5
 }
+
+/// How much farther or nearer than on its own ray a pixel may show what another ray has hit.
+const MOST_APART: f64 = 0.1;
 
 /// One ray for several pixels, one under another.
 struct Shared<'a> {
@@ -131,14 +170,17 @@ impl Shared<'_> {
         let place = 0.5 * (centre(x, first) + centre(x, last));
         let middle = self.ray(place);
         let serves = |y| self.serves(middle, self.ray(centre(x, y)), bound_px);
-        match (first..=last).map(serves).try_fold(true, |all, one| one.map(|one| all && one)) {
+        match rows.iter().map(|&y| serves(y)).try_fold(true, |all, one| one.map(|one| all && one)) {
             None => return undecided(),
             Some(false) => return each(),
             Some(true) => {}
         }
         let (distance, bound) = first_hit(self.frame, place);
-        if distance.is_nan() || bound.is_infinite() {
-            return rows.iter().map(|&y| (x, y, (distance, bound))).collect();
+        if bound.is_infinite() {
+            return undecided();
+        }
+        if distance.is_nan() {
+            return each();
         }
         let hit = Hit::new(self.frame, middle, distance / middle.length(), bound);
         let shown: Option<Vec<_>> = rows.iter().map(|&y| hit.shown_at(self.ray(centre(x, y)))).collect();
@@ -154,14 +196,14 @@ impl Shared<'_> {
         let camera = self.frame.camera;
         let along = beside(shared, own);
         let slack = self.steepest * ((shared.truncate() - own.truncate() * along).length() + 1e-6);
-        let off = (own.z * along - shared.z).abs() + slack;
+        let off = (own.z * along - shared.z).abs().max(slack) + slack;
         let depth = along - off * camera.forward().z.abs();
         if depth <= 0.0 {
             return Some(false);
         }
-        let px = camera.focal_px() * (own * camera.forward().z - DVec3::Z).length() / depth;
-        let room = (bound_px - off * px * 1.0001 - 0.02).min(bound_px - 2.0 * slack * px);
-        (room.abs() > 1e-2 * bound_px + 1e-5 * self.steepest * camera.focal_px()).then_some(room > 0.0)
+        let off_px = camera.focal_px() * off * (own * camera.forward().z - DVec3::Z).length() / depth;
+        let room = (1.0 - (off_px * 1.0001 + 0.02) / bound_px).min(MOST_APART - (along - 1.0).abs());
+        (room.abs() > 1e-2 + 1e-5 * self.steepest * camera.focal_px() / bound_px).then_some(room > 0.0)
     }
 }
 
