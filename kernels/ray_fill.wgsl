@@ -93,6 +93,13 @@ fn beside(shared_m: vec3<f32>, own_m: vec3<f32>) -> f32 {
 /// How much farther or nearer than on its own ray a pixel may show what another ray has hit.
 const MOST_APART: f32 = 0.1;
 
+/// Pixels, with room for rounding, of a difference in height next to a place on a pixel's ray.
+fn off_px(own_m: vec3<f32>, t: f32, off_m: f32) -> f32 {
+    let depth = t - off_m * abs(params.forward_z);
+    let px = params.focal_px * off_m * length(own_m * params.forward_z - vec3(0.0, 0.0, 1.0)) / depth;
+    return select(FAR, px * 1.0001 + 0.02, depth > 0.0);
+}
+
 /// Whether what is hit on a ray, and that nothing is hit before, holds for a pixel's own ray within its bound. Both rays are
 /// straight: what they are apart, in height and aside times the steepest slope there is, grows with the distance, and is as many
 /// pixels everywhere.
@@ -102,10 +109,29 @@ fn serves(shared_m: vec3<f32>, own_m: vec3<f32>) -> bool {
     let aside = length(shared_m.xy - own_m.xy * along) + 1e-6;
     let slack = params.steepest * aside;
     let off = max(abs(own_m.z * along - shared_m.z), slack) + slack;
-    let depth = along - off * abs(params.forward_z);
-    let off_px = params.focal_px * off * length(own_m * params.forward_z - vec3(0.0, 0.0, 1.0)) / depth;
     // close to the ground below the eye, the same ground can be at quite another distance
-    return abs(along - 1.0) <= MOST_APART && depth > 0.0 && off_px * 1.0001 + 0.02 <= params.bound_px;
+    return abs(along - 1.0) <= MOST_APART && off_px(own_m, along, off) <= params.bound_px;
+}
+
+/// Parameter at which a ray leaves the terrain. The eye is over it.
+fn way_out(direction_m: vec3<f32>) -> f32 {
+    let terrain = params.terrain;
+    let direction = cells_from_world(terrain, direction_m.xy);
+    let low = relative_cells(terrain, vec2(0));
+    let high = relative_cells(terrain, vec2<i32>(terrain.size) - 1);
+    let out = select(low, high, direction >= vec2(0.0)) / direction;
+    return min(out.x, out.y);
+}
+
+/// Whether a ray that meets nothing says so for a pixel's own, too, which may have a way to go where the first has left the terrain.
+fn serves_sky(shared_m: vec3<f32>, own_m: vec3<f32>) -> bool {
+    let along = beside(shared_m, own_m);
+    let out = way_out(shared_m);
+    let ground = length(own_m.xy);
+    let farther = ground * max(way_out(own_m) - along * out, 0.0) + 1e-6 * ground * out;
+    let slack = params.steepest * (length(shared_m.xy - own_m.xy * along) + 1e-6) * out;
+    let off = abs(own_m.z * along - shared_m.z) * out + slack + farther * (params.steepest + abs(own_m.z) / ground);
+    return off_px(own_m, along * out, off) <= params.bound_px;
 }
 
 /// One of the two triangles of a cell.
@@ -129,7 +155,7 @@ fn triangle_at(hit_m: vec3<f32>) -> Triangle {
 }
 
 /// Shows at a pixel what another ray has hit: where the pixel's own ray meets the same triangle, or else the ground next to the hit.
-/// False if that would be beyond the terrain's border.
+/// False if that would be beyond the terrain's border, or if meeting nothing says nothing for this pixel.
 fn show(pixel: vec2<u32>, shared_m: vec3<f32>, t: f32, hit: Triangle) -> bool {
     let terrain = params.terrain;
     let own_m = view_ray_of_pixel(params.camera, pixel);
@@ -145,10 +171,10 @@ fn show(pixel: vec2<u32>, shared_m: vec3<f32>, t: f32, hit: Triangle) -> bool {
         let is_inside = all(place >= vec2(0.0)) && all(place <= vec2(1.0)) && is_north_west == hit.is_north_west;
         own_t = select(own_t, exact, is_inside && steep < 0.0 && exact > 0.0);
     }
-    distance[number_of(pixel)] = own_t * length(own_m);
+    distance[number_of(pixel)] = select(own_t * length(own_m), NO_SURFACE, t >= FAR);
     let low = relative_cells(terrain, vec2(0));
     let high = relative_cells(terrain, vec2<i32>(terrain.size) - 1);
-    return all(own * own_t >= low) && all(own * own_t <= high);
+    return select(all(own * own_t >= low) && all(own * own_t <= high), serves_sky(shared_m, own_m), t >= FAR);
 }
 
 /// The pixels over the bound of a block that is one pixel wide: by one ray in their middle if it serves them all, otherwise each by
@@ -194,12 +220,7 @@ fn cast_block(block: vec2<u32>) {
             row += 1u;
             continue;
         }
-        // a ray that has left the terrain knows nothing of one beside it that has not
-        each = t >= FAR;
-        if each {
-            continue;
-        }
-        let hit = triangle_at(middle_m * t);
+        let hit = triangle_at(middle_m * select(t, 0.0, t >= FAR));
         for (var other = first; other <= last; other++) {
             let pixel = block + vec2(0u, other);
             each |= is_over(pixel) && !show(pixel, middle_m, t, hit);

@@ -15,14 +15,23 @@ struct Point<'a> {
 /// Errors below this are drawn at it: a log axis has no zero, and a thousandth of a pixel is none.
 const SMALLEST_PX: f64 = 1e-4;
 
-const COLOURS: [RGBColor; 6] = [
+const COLOURS: [RGBColor; 10] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 99, 20),
     RGBColor(44, 140, 44),
     RGBColor(148, 73, 179),
     RGBColor(170, 40, 50),
     RGBColor(90, 90, 90),
+    RGBColor(20, 150, 160),
+    RGBColor(120, 80, 50),
+    RGBColor(220, 90, 160),
+    RGBColor(130, 140, 20),
 ];
+const FRONT: RGBColor = RGBColor(250, 205, 90);
+
+/// Columns of the picture that the curves have; their names stand to the right of them, where they hide nothing.
+const PLOT_WIDTH: u32 = 880;
+const NAMES_WIDTH: u32 = 260;
 
 /// The plot as SVG text, or `None` if no record has an error and a time.
 pub fn svg(title: &str, records: &[Record]) -> Option<String> {
@@ -60,9 +69,10 @@ fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn 
             points.iter().map(pick).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
         low / 1.6..high * 1.6
     };
-    let root = SVGBackend::with_string(text, (900, 560)).into_drawing_area();
+    let root = SVGBackend::with_string(text, (PLOT_WIDTH + NAMES_WIDTH, 560)).into_drawing_area();
     root.fill(&WHITE)?;
-    let mut chart = ChartBuilder::on(&root)
+    let (plot, names) = root.split_horizontally(PLOT_WIDTH);
+    let mut chart = ChartBuilder::on(&plot)
         .caption(title, ("sans-serif", 20))
         .margin(16)
         .x_label_area_size(48)
@@ -78,37 +88,33 @@ fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn 
         .y_label_formatter(&short)
         .draw()?;
     let front = front(points);
-    chart
-        .draw_series(LineSeries::new(
-            front.iter().map(|point| (point.ms, point.error_px)),
-            RGBColor(250, 205, 90).stroke_width(9),
-        ))?
-        .label("front")
-        .legend(|(x, y)| PathElement::new([(x, y), (x + 20, y)], RGBColor(250, 205, 90).stroke_width(9)));
+    let along_front = front.iter().map(|point| (point.ms, point.error_px));
+    chart.draw_series(LineSeries::new(along_front, FRONT.stroke_width(9)))?;
     let mut chains: Vec<&str> = points.iter().map(|point| point.chain).collect();
     chains.dedup();
     for (index, chain) in chains.iter().enumerate() {
         let colour = COLOURS[index % COLOURS.len()];
         let mut curve: Vec<&Point> = points.iter().filter(|point| point.chain == *chain).collect();
         curve.sort_by(|a, b| a.ms.total_cmp(&b.ms));
-        chart
-            .draw_series(LineSeries::new(curve.iter().map(|point| (point.ms, point.error_px)), colour.stroke_width(2)))?
-            .label(*chain)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour.stroke_width(2)));
+        chart.draw_series(LineSeries::new(
+            curve.iter().map(|point| (point.ms, point.error_px)),
+            colour.stroke_width(2),
+        ))?;
         chart.draw_series(curve.iter().map(|point| Circle::new((point.ms, point.error_px), 4, colour.filled())))?;
-        // the chain is in the legend; what varies stands at the point
+        // the chain's name is beside the plot; what varies stands at the point
         let name = |point: &&Point| {
             let label = point.label.strip_prefix(point.chain).unwrap_or(&point.label).trim().to_string();
             Text::new(label, (point.ms * 1.03, point.error_px * 1.04), ("sans-serif", 11).into_font().color(&colour))
         };
         chart.draw_series(curve.iter().map(name))?;
     }
-    chart
-        .configure_series_labels()
-        .border_style(BLACK)
-        .background_style(WHITE)
-        .label_font(("sans-serif", 14))
-        .draw()?;
+    let lines = [("front", FRONT, 9)].into_iter();
+    let lines =
+        lines.chain(chains.iter().enumerate().map(|(index, chain)| (*chain, COLOURS[index % COLOURS.len()], 2)));
+    for ((name, colour, width), y) in lines.zip((60..).step_by(24)) {
+        names.draw(&PathElement::new([(0, y), (20, y)], colour.stroke_width(width)))?;
+        names.draw(&Text::new(name, (28, y - 7), ("sans-serif", 14)))?;
+    }
     root.present()?;
     drop(chart);
     drop(root);

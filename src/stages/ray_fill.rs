@@ -180,7 +180,10 @@ impl Shared<'_> {
             return undecided();
         }
         if distance.is_nan() {
-            return each();
+            let serves = |y: &usize| self.serves_sky(middle, self.ray(centre(x, *y)), bound_px);
+            let all = rows.iter().map(serves).try_fold(true, |all, one| one.map(|one| all && one));
+            let sky = || rows.iter().map(|&y| (x, y, (distance, bound))).collect();
+            return all.map_or_else(undecided, |all| if all { sky() } else { each() });
         }
         let hit = Hit::new(self.frame, middle, distance / middle.length(), bound);
         let shown: Option<Vec<_>> = rows.iter().map(|&y| hit.shown_at(self.ray(centre(x, y)))).collect();
@@ -193,17 +196,43 @@ impl Shared<'_> {
 
     /// Whether one ray serves another's pixel; `None` where rounding decides.
     fn serves(&self, shared: DVec3, own: DVec3, bound_px: f64) -> Option<bool> {
-        let camera = self.frame.camera;
         let along = beside(shared, own);
         let slack = self.steepest * ((shared.truncate() - own.truncate() * along).length() + 1e-6);
         let off = (own.z * along - shared.z).abs().max(slack) + slack;
-        let depth = along - off * camera.forward().z.abs();
-        if depth <= 0.0 {
-            return Some(false);
-        }
-        let off_px = camera.focal_px() * off * (own * camera.forward().z - DVec3::Z).length() / depth;
-        let room = (1.0 - (off_px * 1.0001 + 0.02) / bound_px).min(MOST_APART - (along - 1.0).abs());
-        (room.abs() > 1e-2 + 1e-5 * self.steepest * camera.focal_px() / bound_px).then_some(room > 0.0)
+        let room = (1.0 - self.off_px(own, along, off) / bound_px).min(MOST_APART - (along - 1.0).abs());
+        self.decide(room, bound_px)
+    }
+
+    /// Whether one ray serves another's pixel when it meets nothing.
+    fn serves_sky(&self, shared: DVec3, own: DVec3, bound_px: f64) -> Option<bool> {
+        let along = beside(shared, own);
+        let (out, own_out) = (self.way_out(shared), self.way_out(own));
+        let ground = own.truncate().length();
+        let farther = ground * (own_out - along * out).max(0.0) + 1e-6 * ground * out;
+        let slack = self.steepest * ((shared.truncate() - own.truncate() * along).length() + 1e-6) * out;
+        let off = (own.z * along - shared.z).abs() * out + slack + farther * (self.steepest + own.z.abs() / ground);
+        self.decide(1.0 - self.off_px(own, along * out, off) / bound_px, bound_px)
+    }
+
+    /// Pixels of a difference in height next to a place on a pixel's ray.
+    fn off_px(&self, own: DVec3, t: f64, off_m: f64) -> f64 {
+        let camera = self.frame.camera;
+        let depth = t - off_m * camera.forward().z.abs();
+        let px = camera.focal_px() * off_m * (own * camera.forward().z - DVec3::Z).length() / depth;
+        if depth > 0.0 { px * 1.0001 + 0.02 } else { f64::INFINITY }
+    }
+
+    /// The sign of what is left of a bound, if rounding cannot turn it.
+    fn decide(&self, room: f64, bound_px: f64) -> Option<bool> {
+        let rounding = 1e-2 + 1e-5 * self.steepest * self.frame.camera.focal_px() / bound_px;
+        (room.abs() > rounding).then_some(room > 0.0)
+    }
+
+    /// Parameter at which a ray leaves the terrain.
+    fn way_out(&self, ray: DVec3) -> f64 {
+        let (eye_m, extent_m) = (self.frame.camera.eye_m.truncate(), self.frame.data.terrain.extent_m());
+        let border_m = DVec2::select(ray.truncate().cmpge(DVec2::ZERO), extent_m, DVec2::ZERO);
+        ((border_m - eye_m) / ray.truncate()).min_element()
     }
 }
 
