@@ -118,8 +118,8 @@ impl Stage for RayFill {
         let rows = buffers.get(&rows_of(&self.pixels)).value.first().map_or(1, |&rows| rows as usize);
         let error = buffers.get("error");
         let threshold_px = buffers.get(THRESHOLD).value.first().copied().filter(|_| buffers.contains("cell_bound"));
-        let shared =
-            Shared { frame, bound_px: threshold_px, steepest: if rows == 1 { 0.0 } else { frame.data.steepest() } };
+        let steepest = if rows == 1 { 0.0 } else { frame.data.steepest() };
+        let shared = Shared { frame, bound_px: threshold_px, steepest };
         let hits: Vec<(usize, f64, f64)> = pixels.value[..count.min(pixels.value.len())]
             .par_iter()
             .flat_map_iter(|&number| {
@@ -170,7 +170,7 @@ impl Shared<'_> {
         let place = 0.5 * (centre(x, first) + centre(x, last));
         let middle = self.ray(place);
         let serves = |y| self.serves(middle, self.ray(centre(x, y)), bound_px);
-        match rows.iter().map(|&y| serves(y)).try_fold(true, |all, one| one.map(|one| all && one)) {
+        match all_of(rows.iter().map(|&y| serves(y))) {
             None => return undecided(),
             Some(false) => return each(),
             Some(true) => {}
@@ -180,12 +180,14 @@ impl Shared<'_> {
             return undecided();
         }
         if distance.is_nan() {
-            let serves = |y: &usize| self.serves_sky(middle, self.ray(centre(x, *y)), bound_px);
-            let all = rows.iter().map(serves).try_fold(true, |all, one| one.map(|one| all && one));
-            let sky = || rows.iter().map(|&y| (x, y, (distance, bound))).collect();
-            return all.map_or_else(undecided, |all| if all { sky() } else { each() });
+            let serves = |y| self.serves_sky(middle, self.ray(centre(x, y)), bound_px);
+            return match all_of(rows.iter().map(|&y| serves(y))) {
+                None => undecided(),
+                Some(false) => each(),
+                Some(true) => rows.iter().map(|&y| (x, y, (distance, bound))).collect(),
+            };
         }
-        let hit = Hit::new(self.frame, middle, distance / middle.length(), bound);
+        let hit = Hit { frame: self.frame, ray: middle, t: distance / middle.length(), bound_m: bound };
         let shown: Option<Vec<_>> = rows.iter().map(|&y| hit.shown_at(self.ray(centre(x, y)))).collect();
         match shown {
             None => undecided(),
@@ -236,6 +238,11 @@ impl Shared<'_> {
     }
 }
 
+/// Whether all decisions are yes; `None` if rounding decides one of them.
+fn all_of(mut decisions: impl Iterator<Item = Option<bool>>) -> Option<bool> {
+    decisions.try_fold(true, |all, one| one.map(|one| all && one))
+}
+
 /// Parameter of a ray where it passes closest to where another has 1, on the ground.
 fn beside(shared: DVec3, own: DVec3) -> f64 {
     shared.truncate().dot(own.truncate()) / own.truncate().length_squared()
@@ -255,11 +262,7 @@ struct Shown {
     is_outside: bool,
 }
 
-impl<'a> Hit<'a> {
-    fn new(frame: &'a Frame, ray: DVec3, t: f64, bound_m: f64) -> Self {
-        Self { frame, ray, t, bound_m }
-    }
-
+impl Hit<'_> {
     /// `None` where rounding decides which triangle it is, or whether it is left.
     fn shown_at(&self, own: DVec3) -> Option<Shown> {
         let terrain = &self.frame.data.terrain;
