@@ -31,7 +31,9 @@ const FRONT: RGBColor = RGBColor(250, 205, 90);
 
 /// Columns of the picture that the curves have; their names stand to the right of them, where they hide nothing.
 const PLOT_WIDTH: u32 = 880;
-const NAMES_WIDTH: u32 = 260;
+/// And what a name takes, with its line and for each of its letters.
+const LINE_WIDTH: u32 = 44;
+const LETTER_WIDTH: u32 = 8;
 
 /// The plot as SVG text, or `None` if no record has an error and a time.
 pub fn svg(title: &str, records: &[Record]) -> Option<String> {
@@ -69,7 +71,9 @@ fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn 
             points.iter().map(pick).fold((f64::MAX, f64::MIN), |(low, high), v| (low.min(v), high.max(v)));
         low / 1.6..high * 1.6
     };
-    let root = SVGBackend::with_string(text, (PLOT_WIDTH + NAMES_WIDTH, 560)).into_drawing_area();
+    let longest = points.iter().map(|point| point.chain.chars().count() as u32).max().unwrap_or(0);
+    let width = PLOT_WIDTH + LINE_WIDTH + LETTER_WIDTH * longest;
+    let root = SVGBackend::with_string(text, (width, 560)).into_drawing_area();
     root.fill(&WHITE)?;
     let (plot, names) = root.split_horizontally(PLOT_WIDTH);
     let mut chart = ChartBuilder::on(&plot)
