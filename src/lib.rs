@@ -30,11 +30,11 @@
 pub mod experiment;
 pub mod terrain;
 pub mod camera;
-pub mod stages;
 pub mod kernel;
 pub mod plan;
-pub mod gpu;
 pub mod reference;
+pub mod stages;
+pub mod gpu;
 pub mod measure;
 pub mod report;
 pub mod run;

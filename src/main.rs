@@ -9,14 +9,15 @@ use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use lodlab::check;
-use lodlab::experiment::Experiment;
+use lodlab::experiment::parameters::{Parameter, describe};
+use lodlab::experiment::{Experiment};
 use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::experiment::sweep::{self, Setting};
 use lodlab::gpu::{Gpu, device};
 use lodlab::plan::explain;
 use lodlab::report::table;
 use lodlab::run::{self, Event, Options};
-use lodlab::stages::REGISTRY;
+use lodlab::{measure, stages};
 
 /// Prints a line; a reader that went away (`| head`) is no failure.
 macro_rules! say {
@@ -67,7 +68,7 @@ enum Command {
         #[arg(long = "set", value_name = "PATH=VALUE")]
         set: Vec<String>,
     },
-    /// Lists the stages, or explains one
+    /// Lists stages and measures, or explains one
     Stages { name: Option<String> },
     /// Compares every stage with its f64 reference on ordinary and extreme input
     Check {
@@ -79,7 +80,17 @@ enum Command {
     Devices,
 }
 
+/// Without a display, Mesa's layer for choosing a device asks Wayland for one and complains in front of a user's first table.
+fn quiet_driver() {
+    let has_display = ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some());
+    if !has_display && std::env::var_os("NODEVICE_SELECT").is_none() {
+        // SAFETY: this is the first thing that the program does, and there is no other thread yet.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+    }
+}
+
 fn main() -> ExitCode {
+    quiet_driver();
     let result = match Cli::parse().command {
         Command::Run { files, set, out, adapter, frames, dump, force, keep_everything } => {
             let set = set.into_iter().chain(frames.map(|frames| format!("scene.camera.frames={frames}")));
@@ -136,11 +147,9 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
         bar.finish_and_clear();
         let outcome = outcome?;
         say!("{}", table::table(&outcome.records));
-        say!(
-            "{} cells run, {} finished before",
-            outcome.ran,
-            outcome.records.len() - outcome.ran.min(outcome.records.len())
-        );
+        let same = outcome.records.len().saturating_sub(outcome.ran + outcome.finished);
+        let same = if same > 0 { format!(", {same} the same as another one") } else { String::new() };
+        say!("{} cells run, {} finished before{same}", outcome.ran, outcome.finished);
         for (what, name) in [("report:  ", "report.html"), ("plot:    ", "pareto.svg"), ("pictures:", "pictures")] {
             let path = outcome.folder.join(name);
             if path.exists() {
@@ -181,6 +190,10 @@ fn show(bar: &ProgressBar, told: &mut Vec<String>, event: Event) {
             let time = frame_ms.map_or("not timed".into(), |ms| format!("{ms:.2} ms a frame"));
             line(format!("  done {label}: {time}"));
         }
+        Event::CellIsTheSame { label } => {
+            bar.inc(1);
+            line(format!("skip {label} (another cell of this run computes the same)"));
+        }
         Event::Warning(text) if told.contains(&text) => {}
         Event::Warning(text) => {
             line(format!("  warning: {text}"));
@@ -189,52 +202,83 @@ fn show(bar: &ProgressBar, told: &mut Vec<String>, event: Event) {
     }
 }
 
+/// The plans of all cells; cells whose plans read the same are named together.
 fn show_plans(file: &std::path::Path, settings: Vec<Setting>) -> Result<(), Diagnostic> {
     let experiment = Experiment::load(file)?;
     let options = Options { settings, ..Options::default() };
-    let mut shown: Vec<String> = Vec::new();
+    let mut shown: Vec<(String, Vec<String>)> = Vec::new();
     for prepared in run::prepare(&experiment, &options.settings)? {
-        let text = explain(&run::plan(&prepared, &options)?);
-        if !shown.contains(&text) {
-            say!("{text}");
-            shown.push(text);
+        let (label, text) = (prepared.cell.label(), explain(&run::plan(&prepared, &options)?));
+        match shown.iter_mut().find(|(known, _)| *known == text) {
+            Some((_, labels)) => labels.push(label),
+            None => shown.push((text, vec![label])),
         }
+    }
+    for (text, labels) in shown {
+        say!("{}\n{text}", labels.join("\n"));
     }
     Ok(())
 }
 
 fn show_stages(name: Option<&str>) -> Result<(), Diagnostic> {
     let Some(name) = name else {
-        REGISTRY.iter().for_each(|info| say!("{:<14} {}", info.name, info.summary));
+        stages::REGISTRY.iter().for_each(|entry| say!("{:<17} {:<9} {}", entry.info.name, entry.room, entry.info.summary));
+        measure::REGISTRY.iter().for_each(|info| say!("{:<17} {:<9} {}", info.name, "measure", info.summary));
         return Ok(());
     };
-    let info = REGISTRY.iter().find(|info| info.name == name).ok_or_else(|| {
-        Diagnostic::input(format!("there is no stage `{name}`")).suggest(name, REGISTRY.iter().map(|info| info.name))
-    })?;
-    say!("{}: {}\n  formula: {}\n  source:  {}", info.name, info.summary, info.formula, info.source);
-    say!(
-        "  reads:   {}\n  writes:  {}\n  kernels: {}",
-        info.reads.join(", "),
-        info.writes.join(", "),
-        info.kernels.join(", ")
-    );
-    for (name, default, meaning) in info.params {
-        say!("  {name:<10} default {default}: {meaning}");
+    if let Some(entry) = stages::find(name) {
+        show_stage(entry);
+        return Ok(());
     }
-    Ok(())
+    if let Some(info) = measure::REGISTRY.iter().find(|info| info.name == name) {
+        say!("{}: {}\n  version: {}", info.name, info.summary, info.version);
+        describe(&(info.parameters)()).iter().for_each(show_parameter);
+        return Ok(());
+    }
+    let known = stages::REGISTRY.iter().map(|entry| entry.info.name).chain(measure::REGISTRY.iter().map(|info| info.name));
+    Err(Diagnostic::input(format!("there is no stage or measure `{name}`")).suggest(name, known))
+}
+
+fn show_stage(entry: &stages::Entry) {
+    let info = entry.info;
+    say!("{} ({}): {}", info.name, entry.room, info.summary);
+    let list = |names: &[&str]| if names.is_empty() { "-".to_string() } else { names.join(", ") };
+    let kernels = entry.kernels();
+    let rows = [
+        ("formula", info.formula.to_string()),
+        ("source", info.source.to_string()),
+        ("reads", list(info.reads)),
+        ("writes", list(info.writes)),
+        ("needs", list(info.needs)),
+        ("offers", list(info.offers)),
+        ("kernels", list(&kernels.iter().map(String::as_str).collect::<Vec<_>>())),
+        ("example", info.examples.first().map_or(String::new(), |example| example.chain.to_string())),
+    ];
+    rows.iter().for_each(|(name, text)| say!("  {:<8} {text}", format!("{name}:")));
+    describe(&(info.parameters)()).iter().for_each(show_parameter);
+}
+
+/// Name, default, range and meaning of a parameter, and of a choice each name.
+fn show_parameter(parameter: &Parameter) {
+    let default = parameter.default.as_ref().map_or("required".into(), |default| format!("default {default}"));
+    let range = parameter.range.as_ref().map_or(String::new(), |range| format!(", {range}"));
+    say!("  {} ({default}{range}): {}", parameter.name, parameter.meaning);
+    for (name, meaning) in &parameter.choices {
+        say!("      {name}: {meaning}");
+    }
 }
 
 fn run_checks(adapter: Option<&str>) -> Result<(), Diagnostic> {
-    let wanted: Vec<String> = match adapter {
-        Some(name) => vec![name.to_string()],
-        None => device::list().into_iter().map(|adapter| adapter.name).collect(),
-    };
-    if wanted.is_empty() {
+    let known = device::list();
+    if known.is_empty() {
         return Err(lodlab::gpu::GpuError::NoAdapter.into());
     }
+    let gpus: Vec<Gpu> = match adapter {
+        Some(name) => vec![Gpu::open(Some(name))?],
+        None => (0..known.len()).map(Gpu::open_nth).collect::<Result<_, _>>()?,
+    };
     let mut failures = 0;
-    for name in wanted {
-        let gpu = Gpu::open(Some(&name))?;
+    for gpu in gpus {
         say!("{}", gpu.summary.name);
         for outcome in check::run(&gpu)? {
             say!("  {outcome}");

@@ -1,11 +1,27 @@
-//! The plan walked in f64 on the CPU: what every kernel should have computed, and how far f32 may be from it.
+//! What every kernel should have computed: contents of buffers in f64, and how far f32 may be from them.
+//!
+//! A stage's reference is written from its formula, in the stage's own folder. Here is what references read and write, and how
+//! what a GPU left is compared with it.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
+
+use thiserror::Error;
 
 use crate::camera::Camera;
 use crate::plan::SceneData;
-use crate::stages::Stage;
+use crate::plan::product::{Product, Products};
+
+/// The f64 half of a stage.
+pub trait Reference {
+    /// Reads its inputs from `buffers` and puts its outputs there, each value with the largest difference that f32 can explain.
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent>;
+}
+
+/// A reference asked for something that no reference before it left. A chain that was planned has all that its stages read, so this is
+/// a mistake in a reference, or a reference that is not there (a user's kernel).
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("its reference needs {0}, which no reference before it leaves")]
+pub struct Absent(pub String);
 
 /// The frame a reference is computed for.
 #[derive(Clone, Copy)]
@@ -25,28 +41,39 @@ pub struct Values {
     /// Largest difference that rounding in f32 explains; infinite where the value hangs on a decision that
     /// rounding can turn (a ray that touches a ridge).
     pub bound: Vec<f64>,
+    /// A list whose elements may stand in any order.
+    pub in_any_order: bool,
 }
 
 impl Values {
     pub fn missing(dims: &[u32], components: u32) -> Self {
         let length = dims.iter().map(|&side| side as usize).product::<usize>() * components as usize;
-        Self { dims: dims.to_vec(), components, value: vec![f64::NAN; length], bound: vec![0.0; length] }
+        Self::exact(dims, components, vec![f64::NAN; length])
     }
 
     pub fn exact(dims: &[u32], components: u32, value: Vec<f64>) -> Self {
-        Self { dims: dims.to_vec(), components, bound: vec![0.0; value.len()], value }
+        Self { dims: dims.to_vec(), components, bound: vec![0.0; value.len()], value, in_any_order: false }
     }
 
     pub fn set(&mut self, at: usize, value: f64, bound: f64) {
         self.value[at] = value;
         self.bound[at] = bound;
     }
+
+    /// Nothing is there, and nothing is ever written there: memory holds anything.
+    fn is_gap(&self, at: usize) -> bool {
+        self.value[at].is_nan() && self.bound[at] == 0.0
+    }
 }
 
-/// The buffers of a chain by name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ValuesId(usize);
+
+/// The buffers of a chain in the order in which they were made, and the products they are part of.
 #[derive(Clone, Debug, Default)]
 pub struct Buffers {
-    by_name: BTreeMap<String, Arc<Values>>,
+    all: Vec<(String, Arc<Values>)>,
+    products: Products<ValuesId>,
 }
 
 impl Buffers {
@@ -59,27 +86,42 @@ impl Buffers {
         buffers
     }
 
-    /// A stage only runs on a chain whose plan found every buffer it reads, so a missing one is empty.
-    pub fn get(&self, name: &str) -> Arc<Values> {
-        self.by_name.get(name).cloned().unwrap_or_else(|| Arc::new(Values::missing(&[0], 1)))
+    /// The newest buffer of a name.
+    pub fn find(&self, name: &str) -> Option<ValuesId> {
+        self.all.iter().rposition(|(known, _)| known == name).map(ValuesId)
     }
 
-    pub fn put(&mut self, name: &str, values: Values) {
-        self.by_name.insert(name.into(), Arc::new(values));
+    /// The contents of the newest buffer of a name.
+    pub fn get(&self, name: &str) -> Result<Arc<Values>, Absent> {
+        self.find(name).map(|id| self.values(id)).ok_or_else(|| Absent(format!("the buffer `{name}`")))
     }
 
-    pub fn contains(&self, name: &str) -> bool {
-        self.by_name.contains_key(name)
+    pub fn values(&self, id: ValuesId) -> Arc<Values> {
+        self.all[id.0].1.clone()
     }
-}
 
-/// Runs the stages of a chain in order on one frame: the reference chain.
-pub fn walk(stages: &[Box<dyn Stage>], frame: &Frame) -> Buffers {
-    let mut buffers = Buffers::of_scene(frame.data);
-    for stage in stages {
-        stage.reference(frame, &mut buffers);
+    /// A new buffer; another one of the same name stays what it is.
+    pub fn put(&mut self, name: &str, values: Values) -> ValuesId {
+        self.all.push((name.into(), Arc::new(values)));
+        ValuesId(self.all.len() - 1)
     }
-    buffers
+
+    /// New contents of a buffer.
+    pub fn replace(&mut self, id: ValuesId, values: Values) {
+        self.all[id.0].1 = Arc::new(values);
+    }
+
+    pub fn latest<P: Product<ValuesId>>(&self) -> Result<P, Absent> {
+        self.products.latest().ok_or_else(|| Absent(P::WHAT.into()))
+    }
+
+    pub fn products(&self) -> &Products<ValuesId> {
+        &self.products
+    }
+
+    pub fn offer<P: Product<ValuesId>>(&mut self, product: P) {
+        self.products.offer(product);
+    }
 }
 
 /// How a GPU buffer differs from the reference.
@@ -93,36 +135,102 @@ pub struct Difference {
     /// Largest difference within what is decided, and the largest as a multiple of its bound.
     pub largest: f64,
     pub largest_of_bound: f64,
-    /// Where the worst one is.
-    pub worst: usize,
 }
 
-/// Compares GPU values with the reference. `missing` tells which GPU values mean "nothing here".
-pub fn compare(gpu: &[f64], reference: &Values, missing: impl Fn(f64) -> bool) -> Difference {
-    let mut difference = Difference::default();
-    for (at, (&ours, (&value, &bound))) in gpu.iter().zip(reference.value.iter().zip(&reference.bound)).enumerate() {
+impl Difference {
+    fn add(&mut self, ours: f64, value: f64, bound: f64) {
         if bound.is_infinite() {
-            difference.undecided += 1;
-            continue;
+            self.undecided += 1;
+            return;
         }
-        // a gap in a layout is never written and holds anything
-        if value.is_nan() && bound == 0.0 {
-            continue;
-        }
-        difference.compared += 1;
-        let off = match (missing(ours), value.is_nan()) {
+        self.compared += 1;
+        let off = match (ours.is_nan(), value.is_nan()) {
             (true, true) => 0.0,
             (false, false) => (ours - value).abs(),
             _ => f64::INFINITY,
         };
         let share = if off == 0.0 { 0.0 } else { off / bound };
         let within = share <= 1.0;
-        difference.beyond += usize::from(!within);
-        difference.largest = difference.largest.max(off);
-        if share.is_nan() || share > difference.largest_of_bound {
-            difference.largest_of_bound = share;
-            difference.worst = at;
+        self.beyond += usize::from(!within);
+        self.largest = self.largest.max(off);
+        if share.is_nan() || share > self.largest_of_bound {
+            self.largest_of_bound = share;
+        }
+    }
+
+    /// Both differences together.
+    pub fn merge(&mut self, other: &Difference) {
+        self.compared += other.compared;
+        self.undecided += other.undecided;
+        self.beyond += other.beyond;
+        self.largest = self.largest.max(other.largest);
+        self.largest_of_bound = self.largest_of_bound.max(other.largest_of_bound);
+    }
+
+    /// Share of the values that nothing is said about.
+    pub fn undecided_share(&self) -> f64 {
+        self.undecided as f64 / (self.compared + self.undecided).max(1) as f64
+    }
+}
+
+/// Compares GPU values (NaN for nothing) with the reference. Different lengths are a difference in every value that one has more.
+pub fn compare(gpu: &[f64], reference: &Values) -> Difference {
+    let mut difference = Difference::default();
+    difference.beyond += gpu.len().abs_diff(reference.value.len());
+    if reference.in_any_order {
+        compare_sorted(gpu, reference, &mut difference);
+        return difference;
+    }
+    for (at, (&ours, (&value, &bound))) in gpu.iter().zip(reference.value.iter().zip(&reference.bound)).enumerate() {
+        if !reference.is_gap(at) {
+            difference.add(ours, value, bound);
         }
     }
     difference
+}
+
+/// The elements of two lists, each sorted.
+fn compare_sorted(gpu: &[f64], reference: &Values, difference: &mut Difference) {
+    let components = reference.components as usize;
+    let listed = (0..reference.value.len()).step_by(components).take_while(|&at| !reference.is_gap(at)).count();
+    let sorted = |values: &[f64]| {
+        let mut rows: Vec<Vec<f64>> = values.chunks_exact(components).take(listed).map(<[f64]>::to_vec).collect();
+        rows.sort_by(|a, b| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(a.len().cmp(&b.len())));
+        rows.concat()
+    };
+    // of one list all values have one bound
+    let bound = reference.bound[..listed * components].iter().copied().fold(0.0, f64::max);
+    for (ours, value) in sorted(gpu).into_iter().zip(sorted(&reference.value)) {
+        difference.add(ours, value, bound);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_length_is_a_difference() {
+        let reference = Values::exact(&[3], 1, vec![1.0, 2.0, 3.0]);
+        assert_eq!(compare(&[1.0, 2.0, 3.0], &reference).beyond, 0);
+        assert_eq!(compare(&[1.0, 2.0], &reference).beyond, 1);
+        assert_eq!(compare(&[1.0, 2.0, 3.0, 4.0, 5.0], &reference).beyond, 2);
+    }
+
+    #[test]
+    fn a_list_in_any_order_is_compared_as_a_set() {
+        let mut reference = Values::missing(&[3], 2);
+        [5.0, 6.0, 1.0, 2.0].into_iter().enumerate().for_each(|(at, value)| reference.set(at, value, 0.0));
+        reference.in_any_order = true;
+        // past the list's end there is anything
+        assert_eq!(compare(&[1.0, 2.0, 5.0, 6.0, 9.0, 9.0], &reference).beyond, 0);
+        assert_eq!(compare(&[1.0, 6.0, 5.0, 2.0, 9.0, 9.0], &reference).beyond, 2);
+    }
+
+    #[test]
+    fn what_nobody_left_is_said_to_be_absent() {
+        assert_eq!(Buffers::default().get("hieght").unwrap_err(), Absent("the buffer `hieght`".into()));
+        let no_mesh = Buffers::default().latest::<crate::plan::product::Mesh<ValuesId>>();
+        assert!(no_mesh.is_err());
+    }
 }

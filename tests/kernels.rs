@@ -3,17 +3,18 @@
 use std::path::Path;
 
 use lodlab::experiment::diagnostic::Source;
+use lodlab::experiment::parameters::describe;
 use lodlab::experiment::tree::Node;
 use lodlab::kernel::Kernel;
 use lodlab::stages::REGISTRY;
 
 #[test]
 fn every_kernel_validates() {
-    let names = Kernel::built_in_names();
-    assert!(!names.is_empty());
-    for name in names {
-        let kernel = Kernel::built_in(&name).unwrap_or_else(|error| panic!("{error}"));
-        assert!(!kernel.entries.is_empty(), "{name} has no entry point");
+    let paths = Kernel::built_in_paths();
+    assert!(!paths.is_empty());
+    for path in paths {
+        let kernel = Kernel::built_in(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert!(!kernel.entries.is_empty(), "{path} has no entry point");
     }
 }
 
@@ -27,11 +28,12 @@ fn kernels_of_the_experiments_validate() {
     }
 }
 
+/// A kernel belongs to the stage that it is named after.
 #[test]
-fn kernels_and_stages_are_in_bijection() {
-    let mut of_stages: Vec<&str> = REGISTRY.iter().flat_map(|info| info.kernels).copied().collect();
+fn every_kernel_belongs_to_one_stage() {
+    let mut of_stages: Vec<String> = REGISTRY.iter().flat_map(|entry| entry.kernels()).collect();
     of_stages.sort_unstable();
-    assert_eq!(of_stages, Kernel::built_in_names());
+    assert_eq!(of_stages, Kernel::built_in_paths());
 }
 
 #[test]
@@ -44,19 +46,26 @@ fn a_library_has_no_bindings_and_no_entry_points() {
     }
 }
 
-/// Every documented parameter is accepted with its documented default, and no other name is.
+/// Every documented parameter is accepted with its documented default, every documented choice is one, and no other name is.
 #[test]
 fn documented_parameters_are_the_real_ones() {
-    for info in REGISTRY.iter().filter(|info| info.name != "Kernel") {
+    for info in REGISTRY.iter().map(|entry| entry.info).filter(|info| info.name != "Kernel") {
+        let documented = describe(&(info.parameters)());
+        let read = |fields: &str| {
+            let node = Node::read(&Source::new("test", format!("{}({fields})", info.name))).unwrap();
+            (info.read)(&node, Path::new("")).map(|stage| format!("{stage:?}"))
+        };
         let mut fields = String::new();
-        for (name, default, _) in info.params {
-            fields += &format!("{name}: {default}, ");
+        for parameter in &documented {
+            assert!(!parameter.meaning.is_empty(), "`{}` of {} is not explained", parameter.name, info.name);
+            fields += &format!("{}: {}, ", parameter.name, parameter.default.as_ref().unwrap());
+            for (choice, meaning) in &parameter.choices {
+                assert!(!meaning.is_empty(), "{choice} of `{}` of {} is not explained", parameter.name, info.name);
+                assert!(read(&format!("{}: {choice}", parameter.name)).is_ok(), "{}: {choice}", info.name);
+            }
         }
-        let read = |text: String| (info.read)(&Node::read(&Source::new("test", text)).unwrap(), Path::new(""));
-        let documented =
-            read(format!("{}({fields})", info.name)).unwrap_or_else(|error| panic!("{}: {error}", info.name));
-        let plain = read(info.name.to_string()).unwrap_or_else(|error| panic!("{}: {error}", info.name));
-        assert_eq!(format!("{documented:?}"), format!("{plain:?}"), "defaults of {}", info.name);
-        assert!(read(format!("{}(no_such_field: 1)", info.name)).is_err(), "{} takes any field", info.name);
+        let all = read(&fields).unwrap_or_else(|error| panic!("{}: {error}", info.name));
+        assert_eq!(all, read("").unwrap_or_else(|error| panic!("{}: {error}", info.name)), "defaults of {}", info.name);
+        assert!(read("no_such_field: 1").is_err(), "{} takes any field", info.name);
     }
 }

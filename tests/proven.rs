@@ -2,34 +2,8 @@
 
 mod common;
 
-use common::{SHAPES, VIEWS, measure, records, run, shared_dem, succeeded};
-
-/// Runs a Proven chain over scenes, grids and thresholds, and asserts that no pixel breaks its bound. `rows` is how many pixels may
-/// share a ray, on a uniform and on a warped grid.
-fn holds(name: &str, terrain: &str, camera: &str, viewport: &str, surface: &str, rows: (u32, u32)) {
-    let folder = tempfile::tempdir().unwrap();
-    let proven = |rows: u32| format!("GridError(rule: Proven), LeadRays, Rasterize, Compact(rows: {rows}), RayFill");
-    let (uniform, warped) = (proven(rows.0), proven(rows.1));
-    let text = format!(
-        "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: {viewport}, surface: {surface}), chains: {{ \
-         \"uniform\": [HeightPyramid, PlanePyramid, ViewGrid, Project(filter: Finest), {uniform}], \
-         \"warped\": [HeightPyramid, PlanePyramid, ViewGrid, AspectImportance(size: (16, 16)), Warp, Project, {warped}] }}, \
-         sweep: {{\"*.ViewGrid.size\": [(16, 12), (64, 48)], \"*.GridError.threshold_px\": [0.5, 1, 2]}}, measure: [ScreenError])"
-    );
-    std::fs::write(folder.path().join("proven.ron"), text).unwrap();
-    succeeded(&run(folder.path(), &["run", "proven.ron", "--out", "out"]));
-    let records = records(&folder.path().join("out"));
-    assert_eq!(records.len(), 12);
-    for record in records {
-        let what = format!(
-            "{name}: {} {}, worst {:?} px",
-            record["chain"],
-            record["settings"],
-            measure(&record, "bound_worst")
-        );
-        assert_eq!(measure(&record, "bound_violations"), Some(0.0), "{what}");
-    }
-}
+use common::bounds::proven_holds as holds;
+use common::{SHAPES, VIEWS, measure, records, run, succeeded};
 
 #[test]
 fn on_exact_shapes_from_everywhere() {
@@ -56,25 +30,6 @@ fn along_the_border() {
 fn on_bilinear_patches() {
     for (shape, terrain) in [SHAPES[2], SHAPES[3]] {
         holds(&format!("{shape}, bilinear"), terrain, VIEWS[0].1, "(160, 120)", "Bilinear", (4, 2));
-    }
-}
-
-#[test]
-fn on_real_terrain() {
-    let Some(dem) = shared_dem() else { return };
-    let scenes = [
-        (
-            "puget_sound_cascades_2049x1025.png\", cell_m: 90, height_scale_m: 0.125",
-            "Flight(frames: 2, clearance_m: 200, keys: [(eye: (90000, 42000, 2500), look_at: (150000, 50000, 1200)), (eye: (130000, 46000, 2600), look_at: (180000, 60000, 1500))])",
-        ),
-        (
-            "jacksboro_403x344.png\", cell_m: (74.48, 92.61), height_offset_m: 236",
-            "Flight(frames: 2, clearance_m: 150, keys: [(eye: (3000, 2000, 2600), look_at: (14000, 16000, 900)), (eye: (15000, 17000, 2300), look_at: (24000, 28000, 1200))])",
-        ),
-    ];
-    for (file, camera) in scenes {
-        let terrain = format!("Dem(file: \"{}/{file})", dem.display());
-        holds(file, &terrain, camera, "(320, 240)", "Triangles", (2, 1));
     }
 }
 

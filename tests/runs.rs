@@ -192,52 +192,6 @@ fn a_kernel_can_be_dispatched_indirectly() {
     }
 }
 
-/// Every experiment runs, small: no cracks, and rays are exact.
-#[test]
-fn every_experiment_runs() {
-    let out = tempfile::tempdir().unwrap();
-    let folder = Path::new(common::ROOT).join("experiments");
-    let files = [folder.clone(), folder.join("stability"), folder.join("papers")]
-        .into_iter()
-        .flat_map(|folder| std::fs::read_dir(folder).unwrap().flatten());
-    let mut ran = 0;
-    for file in files.map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|kind| kind == "ron")) {
-        let text = std::fs::read_to_string(&file).unwrap();
-        if text.contains("shared/dem") && common::shared_dem().is_none() {
-            continue;
-        }
-        let name = file.file_stem().unwrap().to_string_lossy().to_string();
-        let target = out.path().join(&name);
-        let arguments = ["run", &file.display().to_string(), "--out", &target.display().to_string()];
-        let mut settings = vec!["--set", "scene.viewport=(120, 90)"];
-        // cameras that change together with their terrains are still
-        if !text.contains(", scene.camera\"") {
-            settings.extend(["--frames", "2"]);
-        }
-        // the papers' meshes are as large as the papers say
-        let is_of_paper = file.parent().is_some_and(|folder| folder.ends_with("papers"));
-        let smaller = ["*.ViewGrid.size=(48, 36)", "*.VertexSplitting.threshold_px=4"];
-        for setting in smaller.into_iter().filter(|setting| is_of_paper && text.contains(&setting[2..10])) {
-            settings.extend(["--set", setting]);
-        }
-        succeeded(&run(out.path(), &[&arguments[..], &settings].concat()));
-        for record in records(&target) {
-            if record["chain"].as_str().is_some_and(|chain| chain.to_lowercase().contains("proven")) {
-                assert_eq!(measure(&record, "bound_violations"), Some(0.0), "{name}: {record}");
-            }
-            assert!(measure(&record, "cracks").is_none_or(|cracks| cracks == 0.0), "{name}: {record}");
-            if record["chain"] == "ray cast" {
-                let worst = measure(&record, "error_max").unwrap();
-                assert!(worst < 0.02, "{name}: {worst} px from the surface it is cast on");
-                assert_eq!(measure(&record, "silhouette_misses"), Some(0.0));
-            }
-        }
-        assert!(target.join("report.html").is_file());
-        ran += 1;
-    }
-    assert!(ran >= 5);
-}
-
 /// Runs an experiment made of parts and returns its records.
 fn records_of(folder: &Path, chains: &str, rest: &str, extra: &[&str]) -> Vec<serde_json::Value> {
     let text = format!(

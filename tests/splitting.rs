@@ -4,7 +4,8 @@ mod common;
 
 use std::collections::BTreeSet;
 
-use common::{Ran, SHAPES, VIEWS, errors, measure, records, run, shared_dem, succeeded};
+use common::bounds::{BOTH, BOUNDED, measured, splitting_holds as holds};
+use common::{Ran, SHAPES, VIEWS, errors, measure, records, run, succeeded};
 use lodlab::gpu::Gpu;
 use lodlab::measure::mesh::Listed;
 
@@ -193,45 +194,6 @@ fn a_measure_of_cracks_sees_them() {
     assert!(listed(&coarse[..1]).cracks() > 0);
 }
 
-/// Runs chains over scenes as a user does, and hands out each record with its name.
-fn measured(
-    terrain: &str,
-    camera: &str,
-    viewport: &str,
-    chains: &str,
-    sweep: &str,
-    check: impl Fn(&str, &serde_json::Value),
-) {
-    let folder = tempfile::tempdir().unwrap();
-    let text = format!(
-        "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: {viewport}), chains: {{ {chains} }}, \
-         sweep: {{ {sweep} }}, measure: [ScreenError, Mesh])"
-    );
-    std::fs::write(folder.path().join("split.ron"), text).unwrap();
-    succeeded(&run(folder.path(), &["run", "split.ron", "--out", "out"]));
-    for record in records(&folder.path().join("out")) {
-        check(&format!("{} {} on {terrain} from {camera}", record["chain"], record["settings"]), &record);
-    }
-}
-
-const BOUNDED: &str =
-    "\"proven\": [HeightPyramid, Roughness(error: Proven), VertexSplitting, TriangleSplitting, Rasterize]";
-const BOTH: &str = "\"paper\": [HeightPyramid, Roughness, VertexSplitting, TriangleSplitting, Rasterize], \
-    \"proven\": [HeightPyramid, Roughness(error: Proven), VertexSplitting, TriangleSplitting, Rasterize]";
-
-fn holds(terrain: &str, camera: &str, viewport: &str, chains: &str) {
-    let sweep = "\"*.VertexSplitting.threshold_px\": [0.5, 1, 3]";
-    measured(terrain, camera, viewport, chains, sweep, |what, record| {
-        assert_eq!(measure(record, "cracks"), Some(0.0), "{what}");
-        assert_eq!(measure(record, "pinholes"), Some(0.0), "{what}");
-        assert_eq!(measure(record, "folded"), Some(0.0), "{what}");
-        let violations = measure(record, "bound_violations").unwrap();
-        if record["chain"] == "proven" {
-            assert_eq!(violations, 0.0, "{what}, worst {:?} px", measure(record, "bound_worst"));
-        }
-    });
-}
-
 #[test]
 fn bounds_hold_on_exact_shapes_from_everywhere() {
     for (_, terrain) in SHAPES {
@@ -254,24 +216,6 @@ fn an_eye_may_be_anywhere() {
     ];
     for camera in eyes {
         holds(ROUGH, camera, "(160, 120)", BOTH);
-    }
-}
-
-#[test]
-fn bounds_hold_on_real_terrain() {
-    let Some(dem) = shared_dem() else { return };
-    let flights = [
-        (
-            "puget_sound_cascades_2049x1025.png\", cell_m: 90, height_scale_m: 0.125",
-            "Flight(frames: 2, clearance_m: 200, keys: [(eye: (90000, 42000, 2500), look_at: (150000, 50000, 1200)), (eye: (130000, 46000, 2600), look_at: (180000, 60000, 1500))])",
-        ),
-        (
-            "jacksboro_403x344.png\", cell_m: (74.48, 92.61), height_offset_m: 236",
-            "Flight(frames: 2, clearance_m: 150, keys: [(eye: (3000, 2000, 2600), look_at: (14000, 16000, 900)), (eye: (15000, 17000, 2300), look_at: (24000, 28000, 1200))])",
-        ),
-    ];
-    for (file, camera) in flights {
-        holds(&format!("Dem(file: \"{}/{file})", dem.display()), camera, "(320, 240)", BOTH);
     }
 }
 

@@ -38,3 +38,10 @@ fn cells_from_world(terrain: Terrain, position_m: vec2<f32>) -> vec2<f32> {
 fn relative_height(terrain: Terrain, height_m: f32) -> f32 {
     return (height_m - terrain.eye_height_m.x) - terrain.eye_height_m.y;
 }
+
+/// Sample coordinates of a position, as the exact cell and what is left of it.
+fn cell_of(terrain: Terrain, cells: vec2<f32>) -> vec2<i32> {
+    // far outside, integers would overflow; the border is as good
+    let reach = vec2<f32>(vec2<i32>(terrain.size) + abs(terrain.eye_cell) + 2);
+    return vec2<i32>(floor(clamp(cells + terrain.eye_fraction, -reach, reach))) + terrain.eye_cell;
+}

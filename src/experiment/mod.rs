@@ -1,14 +1,13 @@
 //! One RON file: what is looked at, which chains of stages draw it, what is varied and what is measured.
 
 pub mod diagnostic;
+pub mod parameters;
 pub mod scene;
 pub mod sweep;
 pub mod tree;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-use serde::{Deserialize, Serialize};
 
 use diagnostic::{Diagnostic, Origin, Source};
 use scene::{Camera, Scene};
@@ -39,7 +38,7 @@ pub struct Cell {
     /// The list of measures, or the experiment if it has none.
     pub measures_origin: Origin,
     pub stages: Vec<StageCall>,
-    pub measures: Vec<Measure>,
+    pub measures: Vec<MeasureCall>,
 }
 
 /// A stage as it stands in a chain, not yet looked up in the registry.
@@ -49,48 +48,15 @@ pub struct StageCall {
     pub node: Node,
 }
 
-/// What is reported of a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub enum Measure {
-    /// Pixel distance between the drawn surface and the true surface at the same ground position.
-    ScreenError {
-        /// Pixels above it are counted. Default: 1.
-        #[serde(default = "default_threshold_px")]
-        threshold_px: f64,
-    },
-    /// PSNR and SSIM of the shaded picture against the shaded ground truth.
-    Image {},
-    /// Triangles, cracks, folded cells, largest cell.
-    Mesh {},
-    /// What the method says of its own error: mean normalised error of a grid point, share of pixels over the threshold.
-    ErrorBuffer {},
-    /// Share of pixels on which something was drawn.
-    Coverage {},
-    /// GPU time a kernel and a frame.
-    Time {
-        /// Frames run before the first one that counts. Default: 2.
-        #[serde(default = "default_warmup")]
-        warmup: u32,
-        /// How often the whole camera path is timed. Default: 1.
-        #[serde(default = "default_repeats")]
-        repeats: u32,
-    },
+/// A measure as it stands in the list, not yet looked up in the registry.
+#[derive(Clone, Debug)]
+pub struct MeasureCall {
+    pub name: String,
+    pub node: Node,
 }
 
-fn default_threshold_px() -> f64 {
-    1.0
-}
-fn default_warmup() -> u32 {
-    2
-}
-fn default_repeats() -> u32 {
-    1
-}
-
-impl Measure {
-    pub const NAMES: [&str; 6] = ["ScreenError", "Image", "Mesh", "ErrorBuffer", "Coverage", "Time"];
-}
+/// What is measured where the experiment says nothing.
+const DEFAULT_MEASURES: &str = "[ScreenError, Time]";
 
 const FIELDS: [&str; 5] = ["title", "scene", "chains", "sweep", "measure"];
 
@@ -144,13 +110,13 @@ impl Experiment {
     /// The axes that no setting takes the place of, for one chain. Two axes may not change the same thing: the
     /// labels of the cells would say what only one of them did.
     fn free_axes(&self, chain: &str, settings: &[Setting]) -> Result<Vec<Axis>, Diagnostic> {
-        let overlap = |a: &str, b: &str| match (self.resolve(chain, a), self.resolve(chain, b)) {
-            (Some(a), Some(b)) => a.starts_with(&b) || b.starts_with(&a),
-            _ => false,
-        };
+        let both = |a: &str, b: &str| Some((self.resolve(chain, a)?, self.resolve(chain, b)?));
+        let overlap = |a: &str, b: &str| both(a, b).is_some_and(|(a, b)| a.starts_with(&b) || b.starts_with(&a));
+        // a setting inside of what an axis sets goes on top of each of its values
+        let replaces = |setting: &str, axis: &str| both(setting, axis).is_some_and(|(setting, axis)| axis.starts_with(&setting));
         let mut free: Vec<Axis> = Vec::new();
         for axis in &self.axes {
-            let set = |path: &&String| settings.iter().any(|setting| overlap(&setting.path, path));
+            let set = |path: &&String| settings.iter().any(|setting| replaces(&setting.path, path));
             match axis.paths.iter().filter(set).count() {
                 0 => {}
                 count if count == axis.paths.len() => continue,
@@ -240,10 +206,7 @@ impl Experiment {
         let stages = stages.iter().map(read_stage).collect::<Result<_, _>>()?;
         let measures = match root.field("measure") {
             Some(node) => read_measures(node)?,
-            None => vec![
-                Measure::ScreenError { threshold_px: default_threshold_px() },
-                Measure::Time { warmup: default_warmup(), repeats: default_repeats() },
-            ],
+            None => read_measures(&Node::read(&Source::new("default measures", DEFAULT_MEASURES))?)?,
         };
         let swept = swept.iter().map(|setting| (setting.path.clone(), setting.value.canonical())).collect();
         let measures_origin = root.field("measure").map_or(root.head(), |node| node.origin.clone());
@@ -253,18 +216,17 @@ impl Experiment {
 }
 
 impl Cell {
-    /// The threshold that shares of pixels and pictures are reported for.
-    pub fn threshold_px(&self) -> f64 {
-        let threshold = self.measures.iter().find_map(|measure| match measure {
-            Measure::ScreenError { threshold_px } => Some(*threshold_px),
-            _ => None,
-        });
-        threshold.unwrap_or(default_threshold_px())
+    /// Chain and settings: what the user calls this cell.
+    pub fn label(&self) -> String {
+        label(&self.chain, &self.settings)
     }
+}
 
-    pub fn wants(&self, name: &str) -> bool {
-        self.measures.iter().any(|measure| format!("{measure:?}").starts_with(name))
-    }
+/// A chain and the values that were swept, by the last part of their paths.
+pub fn label(chain: &str, settings: &[(String, String)]) -> String {
+    let settings =
+        settings.iter().map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
+    [vec![chain.to_string()], settings.collect()].concat().join(" ")
 }
 
 /// A path without the parts that only repeat a structure's own name (`camera.Flight.frames`), so that two ways to
@@ -343,35 +305,17 @@ fn position(list: &Node, name: &str) -> Option<usize> {
     }
 }
 
-fn read_measures(node: &Node) -> Result<Vec<Measure>, Diagnostic> {
+fn read_measures(node: &Node) -> Result<Vec<MeasureCall>, Diagnostic> {
     let Kind::List(items) = &node.kind else {
         return Err(
             Diagnostic::input("`measure` is a list of measures").at(&node.origin, "expected `[ScreenError, ...]`")
         );
     };
-    items.iter().map(read_measure).collect()
-}
-
-fn read_measure(node: &Node) -> Result<Measure, Diagnostic> {
-    let name = node.name().unwrap_or_default();
-    if !Measure::NAMES.contains(&name) {
-        return Err(Diagnostic::input(format!("there is no measure `{name}`"))
-            .at(&node.origin, "unknown measure")
-            .suggest(name, Measure::NAMES));
-    }
-    // `Time` and `Time()` both mean "with the defaults"
-    let written = match &node.kind {
-        Kind::Leaf => Kind::Struct { name: Some(node.origin.clone()), fields: Vec::new() },
-        kind => kind.clone(),
+    let call = |item: &Node| match item.name() {
+        Some(name) => Ok(MeasureCall { name: name.to_string(), node: item.clone() }),
+        None => Err(Diagnostic::input("this is not a measure").at(&item.origin, "expected `Measure(...)`")),
     };
-    let measure = Node { origin: node.origin.clone(), kind: written }.parse()?;
-    match measure {
-        Measure::Time { warmup, repeats } if warmup > MOST_FRAMES || repeats > MOST_FRAMES => {
-            Err(Diagnostic::input(format!("{warmup} frames of warm-up and {repeats} repeats"))
-                .at(&node.head(), format!("at most {MOST_FRAMES} of either")))
-        }
-        _ => Ok(measure),
-    }
+    items.iter().map(call).collect()
 }
 
 /// Sizes above these are refused before anything is allocated.

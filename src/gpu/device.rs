@@ -23,6 +23,13 @@ pub struct AdapterSummary {
     pub runtime_checks: String,
 }
 
+impl AdapterSummary {
+    /// What decides results and times: adapter, backend, driver.
+    pub fn identity(&self) -> String {
+        format!("{} {} {}", self.name, self.backend, self.driver)
+    }
+}
+
 /// An open device. Errors that wgpu reports later end up in `failure`.
 pub struct Gpu {
     pub device: wgpu::Device,
@@ -81,6 +88,11 @@ pub fn list() -> Vec<AdapterSummary> {
 }
 
 impl Gpu {
+    /// Opens an adapter by its place in [`list`]: several can have the same name.
+    pub fn open_nth(at: usize) -> Result<Self, GpuError> {
+        adapters().get(at).map_or(Err(GpuError::NoAdapter), Self::open_adapter)
+    }
+
     /// Opens the first adapter whose name contains `wanted`, or the first one.
     pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
         let adapters = adapters();
@@ -93,6 +105,10 @@ impl Gpu {
             }
             _ => return Err(GpuError::NoAdapter),
         };
+        Self::open_adapter(adapter)
+    }
+
+    fn open_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
         let summary = summarize(adapter);
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor {
@@ -186,7 +202,13 @@ impl Gpu {
                 });
             }
         }
+        let most_storage = u64::from(self.limits.max_storage_buffers_per_shader_stage);
         for step in &plan.steps {
+            let storage = step.kernel.entry(&step.entry).map_or(0, |entry| entry.storage_buffers() as u64);
+            if storage > most_storage {
+                let what = format!("the step `{}` ({}) in storage buffers", step.label, step.kernel.name);
+                return Err(GpuError::Limit { what, needed: storage, adapter: adapter(), limit: most_storage });
+            }
             let Work::Groups(groups) = step.work else { continue };
             let (most, limit) =
                 (groups.into_iter().max().unwrap_or(0), self.limits.max_compute_workgroups_per_dimension);

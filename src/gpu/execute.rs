@@ -43,9 +43,9 @@ struct Prepared {
     params_stride: Option<u32>,
 }
 
-/// What steps can share.
+/// Modules and pipelines that several steps share.
 #[derive(Default)]
-struct Made {
+struct Shared {
     modules: BTreeMap<String, wgpu::ShaderModule>,
     /// By kernel, entry point, and constants with what is drawn.
     pipelines: BTreeMap<(String, String, String), Pipeline>,
@@ -72,10 +72,10 @@ impl<'a> Executor<'a> {
         // the default is nearest and clamped to the edge
         let nearest = gpu.device.create_sampler(&wgpu::SamplerDescriptor::default());
         let mut executor = Self { gpu, plan, buffers, steps: Vec::new(), stamps: None, nearest, prepare_ms: 0.0 };
-        let mut made = Made::default();
-        let spare = make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?;
+        let mut shared = Shared::default();
+        let unused = make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?;
         for step in &plan.steps {
-            let prepared = executor.prepare(step, &mut made, &spare)?;
+            let prepared = executor.prepare(step, &mut shared, &unused)?;
             executor.steps.push(prepared);
         }
         if gpu.summary.timestamps && !plan.steps.is_empty() {
@@ -136,7 +136,7 @@ impl<'a> Executor<'a> {
         let is_compute = |at: usize| matches!(self.steps[at].pipeline, Pipeline::Compute(_));
         let shares = |a: &usize, b: &usize| self.stamps.is_none() && is_compute(*a) && is_compute(*b);
         for steps in chosen.chunk_by(shares) {
-            self.encode(&mut encoder, steps, frame);
+            self.encode(&mut encoder, steps, frame)?;
         }
         if let Some(stamps) = &self.stamps {
             let count = 2 * self.plan.steps.len() as u32;
@@ -150,8 +150,8 @@ impl<'a> Executor<'a> {
     }
 
     /// One pass: any number of compute steps, or one draw.
-    fn encode(&self, encoder: &mut wgpu::CommandEncoder, steps: &[usize], frame: usize) {
-        let Some(&at) = steps.first() else { return };
+    fn encode(&self, encoder: &mut wgpu::CommandEncoder, steps: &[usize], frame: usize) -> Result<(), GpuError> {
+        let Some(&at) = steps.first() else { return Ok(()) };
         let (step, prepared) = (&self.plan.steps[at], &self.steps[at]);
         let stamps = self.stamps.as_ref().map(|stamps| (&stamps.queries, 2 * at as u32));
         match (&prepared.pipeline, &step.work) {
@@ -163,10 +163,14 @@ impl<'a> Executor<'a> {
                 });
                 let mut pass = encoder
                     .begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(&step.label), timestamp_writes });
-                steps.iter().for_each(|&at| self.dispatch(&mut pass, at, frame));
+                for &at in steps {
+                    self.dispatch(&mut pass, at, frame)?;
+                }
             }
             (Pipeline::Render(pipeline), Work::Draw { vertices, target, .. }) => {
-                let Some(Place::Target { view, depth, .. }) = &self.buffers[target.0] else { return };
+                let Some(Place::Target { view, depth, .. }) = &self.buffers[target.0] else {
+                    return Err(no_memory(step, "render target"));
+                };
                 let timestamp_writes = stamps.map(|(query_set, first)| wgpu::RenderPassTimestampWrites {
                     query_set,
                     beginning_of_pass_write_index: Some(first),
@@ -195,16 +199,16 @@ impl<'a> Executor<'a> {
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(0, &prepared.bind_group, self.offset(at, frame).as_slice());
                 match vertices {
-                    Vertices::Strip(vertices) => pass.draw(0..*vertices, 0..1),
+                    Vertices::Strip { vertices, .. } => pass.draw(0..*vertices, 0..1),
                     Vertices::List(id) => {
-                        if let Some(count) = self.buffers[id.0].as_ref().and_then(Place::array) {
-                            pass.draw_indirect(count, 0);
-                        }
+                        let count = self.buffers[id.0].as_ref().and_then(Place::array);
+                        pass.draw_indirect(count.ok_or_else(|| no_memory(step, "number of vertices"))?, 0);
                     }
                 }
             }
-            _ => {}
+            _ => return Err(no_memory(step, "pipeline")),
         }
+        Ok(())
     }
 
     /// Where a step's parameters of a frame are.
@@ -212,20 +216,20 @@ impl<'a> Executor<'a> {
         self.steps[at].params_stride.map(|stride| stride * frame as u32)
     }
 
-    fn dispatch(&self, pass: &mut wgpu::ComputePass, at: usize, frame: usize) {
+    fn dispatch(&self, pass: &mut wgpu::ComputePass, at: usize, frame: usize) -> Result<(), GpuError> {
         let (step, prepared) = (&self.plan.steps[at], &self.steps[at]);
-        let Pipeline::Compute(pipeline) = &prepared.pipeline else { return };
+        let Pipeline::Compute(pipeline) = &prepared.pipeline else { return Err(no_memory(step, "pipeline")) };
         pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &prepared.bind_group, self.offset(at, frame).as_slice());
         match step.work {
             Work::Groups([x, y, z]) => pass.dispatch_workgroups(x, y, z),
             Work::Indirect(id) => {
-                if let Some(buffer) = self.buffers[id.0].as_ref().and_then(Place::array) {
-                    pass.dispatch_workgroups_indirect(buffer, 0);
-                }
+                let groups = self.buffers[id.0].as_ref().and_then(Place::array);
+                pass.dispatch_workgroups_indirect(groups.ok_or_else(|| no_memory(step, "number of workgroups"))?, 0);
             }
-            Work::Draw { .. } => {}
+            Work::Draw { .. } => return Err(no_memory(step, "render pass")),
         }
+        Ok(())
     }
 
     /// Reads the stamps after the submission is done. Stamps that run backwards, or that claim more time than
@@ -274,7 +278,7 @@ impl<'a> Executor<'a> {
                 );
                 staging
             }
-            _ => return Ok(Vec::new()),
+            _ => return Err(GpuError::Plan(format!("the buffer `{}` is read and has no memory", buffer.name))),
         };
         self.gpu.queue.submit([encoder.finish()]);
         let mut bytes = self.map(&staging)?;
@@ -315,9 +319,9 @@ impl<'a> Executor<'a> {
         })
     }
 
-    fn prepare(&self, step: &Step, made: &mut Made, spare: &wgpu::Buffer) -> Result<Prepared, GpuError> {
-        let hash = step.kernel.hash();
-        let module = made.modules.entry(hash.clone()).or_insert_with(|| make_module(self.gpu, &step.kernel));
+    fn prepare(&self, step: &Step, shared: &mut Shared, unused: &wgpu::Buffer) -> Result<Prepared, GpuError> {
+        let hash = step.kernel.hash.clone();
+        let module = shared.modules.entry(hash.clone()).or_insert_with(|| make_module(self.gpu, &step.kernel));
         let entries: Vec<&Entry> = step
             .kernel
             .entries
@@ -328,7 +332,7 @@ impl<'a> Executor<'a> {
             .collect();
         let params = self.make_params(step, &entries)?;
         let (layout, bind_group) =
-            self.bind(step, &entries, params.as_ref().map(|(buffer, bytes, _)| (buffer, *bytes)), spare)?;
+            self.bind(step, &entries, params.as_ref().map(|(buffer, bytes, _)| (buffer, *bytes)), unused)?;
         let constants: Vec<(&str, f64)> = step
             .constants
             .iter()
@@ -337,12 +341,12 @@ impl<'a> Executor<'a> {
             .collect();
         // rounds of a stage differ in what they bind, not in what they run
         let key = (hash, step.entry.clone(), format!("{constants:?} {:?}", step.work.drawn()));
-        let pipeline = match made.pipelines.get(&key) {
+        let pipeline = match shared.pipelines.get(&key) {
             Some(pipeline) => pipeline.clone(),
             None => {
                 let what = format!("the pipeline of `{}` ({})", step.label, step.kernel.name);
                 let new = || make_pipeline(self.gpu, self.plan, step, module, &layout, &constants);
-                made.pipelines.entry(key).or_insert(self.gpu.scoped(&what, new)?).clone()
+                shared.pipelines.entry(key).or_insert(self.gpu.scoped(&what, new)?).clone()
             }
         };
         Ok(Prepared { pipeline, bind_group, params_stride: params.map(|(_, _, stride)| stride) })
@@ -373,7 +377,7 @@ impl<'a> Executor<'a> {
         step: &Step,
         entries: &[&Entry],
         params: Option<(&wgpu::Buffer, u64)>,
-        spare: &wgpu::Buffer,
+        unused: &wgpu::Buffer,
     ) -> Result<(wgpu::PipelineLayout, wgpu::BindGroup), GpuError> {
         let mut layout_entries: BTreeMap<u32, wgpu::BindGroupLayoutEntry> = BTreeMap::new();
         let mut group_entries: BTreeMap<u32, wgpu::BindingResource> = BTreeMap::new();
@@ -384,7 +388,7 @@ impl<'a> Executor<'a> {
                 _ => wgpu::ShaderStages::COMPUTE,
             };
             for binding in &entry.bindings {
-                let (ty, resource) = self.resource(step, &binding.name, &binding.kind, params, spare)?;
+                let (ty, resource) = self.resource(step, &binding.name, &binding.kind, params, unused)?;
                 let slot = layout_entries.entry(binding.binding).or_insert(wgpu::BindGroupLayoutEntry {
                     binding: binding.binding,
                     visibility,
@@ -421,7 +425,7 @@ impl<'a> Executor<'a> {
         name: &str,
         kind: &BindingKind,
         params: Option<(&'r wgpu::Buffer, u64)>,
-        spare: &'r wgpu::Buffer,
+        unused: &'r wgpu::Buffer,
     ) -> Result<(wgpu::BindingType, wgpu::BindingResource<'r>), GpuError> {
         let bound =
             step.bindings.iter().find(|(variable, _)| variable == name).and_then(|(_, id)| self.buffers[id.0].as_ref());
@@ -441,7 +445,7 @@ impl<'a> Executor<'a> {
                     has_dynamic_offset: false,
                     min_binding_size: None,
                 };
-                let Some(buffer) = place.and_then(Place::array) else { return Ok((ty, spare.as_entire_binding())) };
+                let Some(buffer) = place.and_then(Place::array) else { return Ok((ty, unused.as_entire_binding())) };
                 // a block can be larger than its tenant, whose size is what arrayLength() has to say
                 let bytes = step
                     .bindings
@@ -471,6 +475,11 @@ impl<'a> Executor<'a> {
             _ => Err(unbound(step, name)),
         }
     }
+}
+
+/// A step lacks something that every plan gives it.
+fn no_memory(step: &Step, what: &str) -> GpuError {
+    GpuError::Plan(format!("the step `{}` has no {what}", step.label))
 }
 
 fn unbound(step: &Step, name: &str) -> GpuError {
@@ -521,7 +530,7 @@ fn make_pipeline(
         },
         primitive: wgpu::PrimitiveState {
             topology: match vertices {
-                Vertices::Strip(_) => wgpu::PrimitiveTopology::TriangleStrip,
+                Vertices::Strip { .. } => wgpu::PrimitiveTopology::TriangleStrip,
                 Vertices::List(_) => wgpu::PrimitiveTopology::TriangleList,
             },
             ..Default::default()

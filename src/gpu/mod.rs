@@ -30,6 +30,8 @@ pub enum GpuError {
     Refused { what: String, why: String },
     #[error("the device was lost: {0}")]
     Lost(String),
+    #[error("a plan that cannot be carried out: {0}; this is a mistake in lodlab")]
+    Plan(String),
 }
 
 impl GpuError {

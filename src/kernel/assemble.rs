@@ -24,10 +24,13 @@ pub fn built_in_text(name: &str) -> Option<&'static str> {
     KERNELS.get_file(name)?.contents_utf8()
 }
 
-pub fn built_in_names() -> Vec<String> {
-    let mut names: Vec<String> = KERNELS.files().map(|file| file.path().display().to_string()).collect();
-    names.sort();
-    names
+/// Kernel files by room; `lib/` has what they share.
+pub fn built_in_paths() -> Vec<String> {
+    let rooms = KERNELS.dirs().filter(|dir| !dir.path().starts_with("lib"));
+    let files = rooms.flat_map(|room| room.files());
+    let mut paths: Vec<String> = files.map(|file| file.path().display().to_string()).collect();
+    paths.sort();
+    paths
 }
 
 impl Assembled {

@@ -5,6 +5,7 @@
 //! mistake is reported where it was written.
 
 mod assemble;
+mod catalogue;
 mod reflect;
 
 use std::sync::Arc;
@@ -20,6 +21,8 @@ pub struct Kernel {
     /// The name that errors and timings use: the file's name.
     pub name: String,
     pub assembled: Assembled,
+    /// Identity of the text that runs, included files among it.
+    pub hash: String,
     pub entries: Vec<Entry>,
     /// `override` constants by name.
     pub overrides: Vec<String>,
@@ -28,24 +31,13 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// One of the kernels that come with lodlab, for example `ray_cast.wgsl`.
-    pub fn built_in(name: &str) -> Result<Arc<Kernel>, Diagnostic> {
-        let text = assemble::built_in_text(name)
-            .ok_or_else(|| Diagnostic::run(format!("lodlab has no kernel file `{name}`")))?;
-        Self::from_source(Source::new(format!("kernels/{name}"), text), true)
-    }
-
     /// A kernel from any text; `source.name` is what errors show.
     pub fn from_source(source: Arc<Source>, trusted: bool) -> Result<Arc<Kernel>, Diagnostic> {
         let name = source.name.rsplit('/').next().unwrap_or_default().to_string();
         let assembled = Assembled::new(source)?;
         let (entries, overrides) = reflect::reflect(&assembled)?;
-        Ok(Arc::new(Kernel { name, assembled, entries, overrides, trusted }))
-    }
-
-    /// The names of all kernel files that come with lodlab.
-    pub fn built_in_names() -> Vec<String> {
-        assemble::built_in_names()
+        let hash = blake3::hash(assembled.text.as_bytes()).to_hex().as_str()[..16].to_string();
+        Ok(Arc::new(Kernel { name, assembled, hash, entries, overrides, trusted }))
     }
 
     pub fn entry(&self, name: &str) -> Result<&Entry, Diagnostic> {
@@ -60,10 +52,5 @@ impl Kernel {
     pub fn binding(&self, variable: &str) -> Option<&BindingKind> {
         let mut bindings = self.entries.iter().flat_map(|entry| &entry.bindings);
         bindings.find(|binding| binding.name == variable).map(|binding| &binding.kind)
-    }
-
-    /// Identity of the text that runs.
-    pub fn hash(&self) -> String {
-        blake3::hash(self.assembled.text.as_bytes()).to_hex().as_str()[..16].to_string()
     }
 }

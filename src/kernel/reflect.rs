@@ -68,6 +68,13 @@ pub struct Entry {
     pub bindings: Vec<Binding>,
 }
 
+impl Entry {
+    /// How many storage buffers it binds, which adapters limit.
+    pub fn storage_buffers(&self) -> usize {
+        self.bindings.iter().filter(|binding| matches!(binding.kind, BindingKind::Storage { .. })).count()
+    }
+}
+
 #[derive(Clone, Debug)]
 pub struct Binding {
     /// The WGSL variable's name, which is how a stage binds it.

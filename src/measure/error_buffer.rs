@@ -1,32 +1,76 @@
 //! What a method says of its own error (Loeffler et al. 2009, tables 1 and 2), to be held against what it is.
 
-use super::Measured;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Figures, Info, Measure, Measured, Seen, Tally, nothing_to_measure, read_as};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::kernel::Elem;
+use crate::plan::product::{Drawn, PointErrors};
+use crate::plan::{BufferId, Chain};
+
+pub const INFO: Info = Info {
+    name: "ErrorBuffer",
+    summary: "what the method says of its own error: mean normalised error of a grid point, share of pixels over the threshold",
+    version: 1,
+    parameters: schema::<ErrorBuffer>,
+    read: read_as::<ErrorBuffer>,
+    columns: &[],
+};
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ErrorBuffer {}
+
+impl Measure for ErrorBuffer {
+    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        let points = chain.products().latest::<PointErrors<BufferId>>().map(|points| points.errors);
+        let drawn = chain.products().latest::<Drawn<BufferId>>();
+        if points.is_none() && drawn.is_none() {
+            let what = "the errors of grid points and of what was drawn";
+            return Err(nothing_to_measure(chain, INFO.name, what, "`GridError` and `Rasterize` make them"));
+        }
+        let pixels = drawn.and_then(|drawn| drawn.error);
+        if let Some(pixels) = pixels {
+            let (columns, rows) = chain.data.scene.viewport;
+            chain.check_kind(pixels, Elem::F32, &[rows, columns])?;
+        }
+        Ok(points.into_iter().chain(pixels).collect())
+    }
+
+    fn begin(&self) -> Box<dyn Tally> {
+        Box::new(Sums::default())
+    }
+}
 
 /// Sums over the frames of a cell.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Summary {
+struct Sums {
     points: usize,
     sum: f64,
     pixels: usize,
     flagged: usize,
 }
 
-impl Summary {
-    /// Normalised errors of the grid's points.
-    pub fn add_grid(&mut self, errors: &[f32]) {
-        self.points += errors.len();
-        self.sum += errors.iter().map(|&error| f64::from(error)).sum::<f64>();
+impl Tally for Sums {
+    fn frame(&mut self, seen: &Seen) {
+        if let Some(points) = seen.plan.products.latest::<PointErrors<BufferId>>() {
+            let errors: Vec<f32> = seen.read(points.errors);
+            self.points += errors.len();
+            self.sum += errors.iter().map(|&error| f64::from(error)).sum::<f64>();
+        }
+        if let Some(error) = seen.plan.products.latest::<Drawn<BufferId>>().and_then(|drawn| drawn.error) {
+            let errors: Vec<f32> = seen.read(error);
+            self.pixels += errors.len();
+            // above 0 is over the threshold
+            self.flagged += errors.iter().filter(|&&error| error > 0.0).count();
+        }
     }
 
-    /// Normalised errors of the pixels; above 0 is over the threshold.
-    pub fn add_pixels(&mut self, errors: &[f32]) {
-        self.pixels += errors.len();
-        self.flagged += errors.iter().filter(|&&error| error > 0.0).count();
-    }
-
-    pub fn measures(&self) -> Vec<Measured> {
+    fn finish(self: Box<Self>) -> Figures {
         let mean = (self.points > 0).then(|| self.sum / self.points as f64);
         let share = (self.pixels > 0).then(|| self.flagged as f64 / self.pixels as f64);
-        vec![Measured::new("grid_error", mean, "normalised"), Measured::new("flagged", share, "of pixels")]
+        vec![Measured::new("grid_error", mean, "normalised"), Measured::new("flagged", share, "of pixels")].into()
     }
 }

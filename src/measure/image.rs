@@ -1,5 +1,89 @@
 //! Image error of the shaded picture against the shaded ground truth.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Column, Figures, Info, Measure, Measured, Seen, Show, Tally, read_as};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::kernel::Elem;
+use crate::plan::product;
+use crate::plan::{BufferId, Chain};
+
+pub const INFO: Info = Info {
+    name: "Image",
+    summary: "PSNR and SSIM of the shaded picture against the shaded ground truth; the worst frame counts",
+    version: 1,
+    parameters: schema::<Image>,
+    read: read_as::<Image>,
+    columns: &[Column { heading: "psnr dB", figure: "psnr", show: Show::NumberUnless("equal_pictures") }],
+};
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Image {}
+
+impl Measure for Image {
+    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        let picture: product::Picture<BufferId> = chain.latest()?;
+        let (columns, rows) = chain.data.scene.viewport;
+        chain.check_kind(picture.pixels, Elem::U32, &[rows, columns])?;
+        Ok(vec![picture.pixels])
+    }
+
+    fn wants_truth(&self) -> bool {
+        true
+    }
+
+    fn begin(&self) -> Box<dyn Tally> {
+        Box::new(Worst::default())
+    }
+}
+
+/// The worst frames.
+#[derive(Default)]
+struct Worst {
+    psnr_db: Option<f64>,
+    ssim: Option<f64>,
+    has_equal: bool,
+    picture: Option<super::Picture>,
+}
+
+impl Tally for Worst {
+    fn frame(&mut self, seen: &Seen) {
+        let offered = seen.plan.products.latest::<product::Picture<BufferId>>();
+        let (Some(truth), Some(offered)) = (seen.truth, offered) else { return };
+        let pixels: Vec<u32> = seen.read(offered.pixels);
+        let width = seen.data.scene.viewport.0;
+        let drawn = Picture { width: width as usize, pixels: &pixels };
+        let exact = Picture { pixels: &truth.colour, ..drawn };
+        let least = |worst: Option<f64>, new: f64| Some(worst.map_or(new, |worst| worst.min(new)));
+        match psnr_db(drawn, exact) {
+            Some(psnr_db) => self.psnr_db = least(self.psnr_db, psnr_db),
+            None => self.has_equal = true,
+        }
+        self.ssim = least(self.ssim, ssim(drawn, exact));
+        if seen.is_pictured() {
+            let rgb = pixels.iter().flat_map(|&pixel| [0, 1, 2].map(|at| channel(pixel, at) as u8)).collect();
+            self.picture = Some(super::Picture { kind: "image", width, rgb });
+        }
+    }
+
+    fn finish(self: Box<Self>) -> Figures {
+        // equal pictures have no ratio and are better than any
+        let equal = f64::from(self.has_equal && self.psnr_db.is_none());
+        Figures {
+            measured: vec![
+                Measured::new("psnr", self.psnr_db, "dB"),
+                Measured::new("ssim", self.ssim, ""),
+                Measured::new("equal_pictures", equal, ""),
+            ],
+            pictures: self.picture.into_iter().collect(),
+            warnings: Vec::new(),
+        }
+    }
+}
+
 /// A picture, red in the lowest byte of each pixel.
 #[derive(Clone, Copy)]
 pub struct Picture<'a> {
@@ -66,4 +150,48 @@ fn blur(values: &[f64], width: usize) -> Vec<f64> {
         out
     };
     along(&along(values, width, height, 1, width), height, width, width, 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(value: impl Fn(usize) -> u32, width: usize) -> Vec<u32> {
+        (0..width * width).map(|at| value(at) * 0x01_01_01).collect()
+    }
+
+    fn picture(pixels: &[u32], width: usize) -> Picture<'_> {
+        Picture { width, pixels }
+    }
+
+    #[test]
+    fn the_ratio_is_that_of_the_definition() {
+        let (black, ten) = (grey(|_| 0, 8), grey(|_| 10, 8));
+        assert_eq!(psnr_db(picture(&black, 8), picture(&black, 8)), None);
+        // every channel is off by 10: 20 log10(255 / 10)
+        let psnr = psnr_db(picture(&black, 8), picture(&ten, 8)).unwrap();
+        assert!((psnr - 28.130803608679105).abs() < 1e-12, "{psnr}");
+        // one pixel of 64 off by 255 in one channel of three: 10 log10(3 * 64)
+        let mut one = black.clone();
+        one[5] = 255;
+        let psnr = psnr_db(picture(&black, 8), picture(&one, 8)).unwrap();
+        assert!((psnr - 10.0 * 192.0f64.log10()).abs() < 1e-12, "{psnr}");
+    }
+
+    #[test]
+    fn similarity_falls_with_structure_and_not_with_a_little_brightness() {
+        let stripes = grey(|at| if at % 4 < 2 { 60 } else { 180 }, 32);
+        let brighter = grey(|at| if at % 4 < 2 { 64 } else { 184 }, 32);
+        let shifted = grey(|at| if at % 4 < 2 { 180 } else { 60 }, 32);
+        let to = |other: &[u32]| ssim(picture(&stripes, 32), picture(other, 32));
+        assert!((to(&stripes) - 1.0).abs() < 1e-12);
+        assert!(to(&brighter) > 0.99, "{}", to(&brighter));
+        // stripes and gaps exchanged: the covariance is the variance turned over
+        assert!(to(&shifted) < -0.9, "{}", to(&shifted));
+        // two flat pictures: only the means count, and no variance, in the formula of Wang et al.
+        let (a, b) = (grey(|_| 100, 16), grey(|_| 50, 16));
+        let flat = ssim(picture(&a, 16), picture(&b, 16));
+        let expected = (2.0 * 100.0 * 50.0 + 6.5025) / (100.0 * 100.0 + 50.0 * 50.0 + 6.5025);
+        assert!((flat - expected).abs() < 1e-6, "{flat} is not {expected}");
+    }
 }

@@ -1,10 +1,104 @@
 //! What can be said of a mesh by looking at its vertices: triangles, cracks, folds, the largest cell.
 
 use glam::{DVec2, DVec3, UVec2};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use super::{Measured, pinholes};
+use super::{Column, Figures, Info, Measure, Measured, Seen, Show, Tally, nothing_to_measure, pinholes, read_as};
 use crate::camera::Camera;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::kernel::Elem;
+use crate::plan::product::{self, Drawn, Products};
+use crate::plan::{BufferId, Chain};
 use crate::terrain::HeightField;
+
+pub const INFO: Info = Info {
+    name: "Mesh",
+    summary: "triangles, cracks, folded triangles and the largest cell of the mesh that was drawn; of a list also its pinholes",
+    version: 2,
+    parameters: schema::<Mesh>,
+    read: read_as::<Mesh>,
+    columns: &[Column { heading: "triangles", figure: "triangles", show: Show::Count }],
+};
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Mesh {}
+
+/// What there is to measure: the mesh that was drawn, or one that nobody drew.
+struct Subject {
+    mesh: Option<product::Mesh<BufferId>>,
+    drawn: Option<Drawn<BufferId>>,
+}
+
+impl Subject {
+    fn of(products: &Products<BufferId>) -> Self {
+        let drawn: Option<Drawn<BufferId>> = products.latest();
+        let mesh = match drawn {
+            Some(drawn) => drawn.mesh,
+            None => products.latest(),
+        };
+        Self { mesh, drawn }
+    }
+}
+
+impl Measure for Mesh {
+    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        let subject = Subject::of(chain.products());
+        match subject.mesh {
+            // rays have no mesh, which is no triangles
+            None if subject.drawn.is_some() => Ok(Vec::new()),
+            None => Err(nothing_to_measure(chain, INFO.name, "the mesh", "`Project` or `TriangleSplitting` makes one")),
+            Some(product::Mesh::Grid(grid)) => {
+                chain.grid_size(grid.vertex, Elem::Vec4F32)?;
+                Ok(vec![grid.vertex])
+            }
+            Some(product::Mesh::List(list)) => {
+                chain.check_own(list.triangle)?;
+                chain.check_own(list.count)?;
+                // its pinholes are seen in what was drawn of it
+                let distance = subject.drawn.map(|drawn| drawn.distance);
+                Ok(distance.into_iter().chain([list.count, list.triangle]).collect())
+            }
+        }
+    }
+
+    fn wants_truth(&self) -> bool {
+        true
+    }
+
+    fn begin(&self) -> Box<dyn Tally> {
+        Box::new(Summary::default())
+    }
+}
+
+impl Tally for Summary {
+    fn frame(&mut self, seen: &Seen) {
+        let subject = Subject::of(&seen.plan.products);
+        self.is_drawn = subject.drawn.is_some();
+        match subject.mesh {
+            None => {}
+            Some(product::Mesh::Grid(grid)) => {
+                let columns = seen.plan.buffer(grid.vertex).dims[1] as usize;
+                self.add(&grid_triangles(&seen.read(grid.vertex), columns), seen.camera());
+            }
+            Some(product::Mesh::List(list)) => {
+                let drawn_vertices = seen.read::<u32>(list.count).first().copied().unwrap_or(0);
+                let triangles = Listed::new(&seen.read(list.triangle), drawn_vertices);
+                let drawn_m: Option<Vec<f32>> = subject.drawn.map(|drawn| seen.read(drawn.distance));
+                let both_m = drawn_m.as_deref().zip(seen.truth.map(|truth| &truth.distance_m[..]));
+                self.add_list(&triangles, &seen.data.terrain, seen.camera(), both_m);
+            }
+        }
+    }
+
+    fn finish(self: Box<Self>) -> Figures {
+        let unseen = "`Mesh` measures a mesh that no stage draws".to_string();
+        let warnings = if self.is_drawn { Vec::new() } else { vec![unseen] };
+        Figures { measured: self.measures(), pictures: Vec::new(), warnings }
+    }
+}
 
 /// A mesh as it is drawn: three corners a triangle, each with its own position.
 #[derive(Clone, Debug, Default)]
@@ -146,7 +240,8 @@ impl Listed {
 
 /// Over the frames: the most triangles, the sum of cracks and folds, the largest cell.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Summary {
+struct Summary {
+    is_drawn: bool,
     triangles: usize,
     cracks: usize,
     pinholes: Option<usize>,
@@ -155,13 +250,13 @@ pub struct Summary {
 }
 
 impl Summary {
-    pub fn add(&mut self, mesh: &Triangles, camera: &Camera) {
+    fn add(&mut self, mesh: &Triangles, camera: &Camera) {
         self.cracks += cracks(mesh);
         self.add_uncracked(mesh, camera);
     }
 
     /// A list of triangles, and what was drawn of it and should have been: distances along the pixels' rays, if they are known.
-    pub fn add_list(
+    fn add_list(
         &mut self,
         list: &Listed,
         terrain: &HeightField,
@@ -185,7 +280,7 @@ impl Summary {
         };
     }
 
-    pub fn measures(&self) -> Vec<Measured> {
+    fn measures(&self) -> Vec<Measured> {
         let mut measures = vec![
             Measured::new("triangles", self.triangles as f64, ""),
             Measured::new("cracks", self.cracks as f64, "edges"),
@@ -196,5 +291,36 @@ impl Summary {
             measures.push(Measured::new("pinholes", pinholes as f64, "pixels"));
         }
         measures
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A grid of 3 x 3 vertices a metre apart.
+    fn grid(moved: impl Fn(usize, [f32; 4]) -> [f32; 4]) -> Vec<[f32; 4]> {
+        (0..9).map(|at| moved(at, [(at % 3) as f32, -((at / 3) as f32), 0.0, 0.0])).collect()
+    }
+
+    #[test]
+    fn a_crack_is_an_edge_whose_ends_differ() {
+        let whole = grid_triangles(&grid(|_, vertex| vertex), 3);
+        assert_eq!((whole.corners.len(), cracks(&whole), folds(&whole)), (8, 0, 0));
+        // a corner of one triangle is moved by the last bit of a coordinate: its two inner edges have no partner, nor have their partners
+        let mut torn = whole.clone();
+        torn.corners[1][1][2] = f32::from_bits(1);
+        assert_eq!(cracks(&torn), 4);
+        // an edge of the border may belong to one triangle
+        let mut open = whole.clone();
+        open.border.clear();
+        assert_eq!(cracks(&open), 8);
+    }
+
+    #[test]
+    fn a_fold_is_a_triangle_that_is_turned_over() {
+        // the vertex in the middle goes past its neighbour to the east
+        let folded = grid_triangles(&grid(|at, [x, y, z, w]| if at == 4 { [x + 1.5, y, z, w] } else { [x, y, z, w] }), 3);
+        assert!(folds(&folded) >= 2, "{}", folds(&folded));
     }
 }

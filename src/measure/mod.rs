@@ -1,26 +1,171 @@
-//! What a picture and a mesh are worth: pure functions of buffers, no device.
+//! What a picture, a mesh and a run time are worth.
+//!
+//! A measure is a file and a word in the list below. It says which buffers it needs, looks at every frame, and gives figures with units;
+//! it has no device. Run, reports and `lodlab stages` loop over the list.
 
-pub mod error_buffer;
-pub mod image;
-pub mod mesh;
+pub mod figures;
 pub mod pinholes;
-pub mod screen_error;
-pub mod time;
 
-use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt::Debug;
 
-/// A tagged number with a unit. `None` is "not measured", which is not 0.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Measured {
-    pub name: String,
-    pub value: Option<f64>,
-    pub unit: String,
+use schemars::{JsonSchema, Schema};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::camera::Camera;
+use crate::experiment::MeasureCall;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters;
+use crate::experiment::tree::Node;
+use crate::plan::{BufferId, Chain, Plan, SceneData};
+
+pub use figures::{Column, Figures, Measured, Picture, Show};
+
+/// Makes the modules and the registry of one list.
+macro_rules! measures {
+    ($($measure:ident),* $(,)?) => {
+        $(pub mod $measure;)*
+
+        /// All measures, in the order of their columns in tables.
+        pub const REGISTRY: &[&Info] = &[$(&$measure::INFO),*];
+    };
 }
 
-impl Measured {
-    pub fn new(name: &str, value: impl Into<Option<f64>>, unit: &str) -> Self {
-        // JSON has no infinity, and a measure that is not a number is not measured
-        let value = value.into().filter(|value: &f64| value.is_finite());
-        Self { name: name.into(), value, unit: unit.into() }
+measures! {
+    screen_error,
+    image,
+    time,
+    mesh,
+    error_buffer,
+    coverage,
+}
+
+/// What the registry knows of a measure.
+pub struct Info {
+    pub name: &'static str,
+    pub summary: &'static str,
+    /// Raised whenever its figures would mean something else than before, so that finished cells are measured again.
+    pub version: u32,
+    /// What is known of its parameters; see [`parameters::describe`].
+    pub parameters: fn() -> Schema,
+    pub read: fn(&Node) -> Result<(Box<dyn Measure>, String), Diagnostic>,
+    /// What tables show of it.
+    pub columns: &'static [Column],
+}
+
+/// A measure with its parameters.
+pub trait Measure: Debug + Send + Sync {
+    /// The buffers that it looks at in every frame; an error says what the chain is missing.
+    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic>;
+
+    /// It compares with the ground truth.
+    fn wants_truth(&self) -> bool {
+        false
     }
+
+    /// It looks at frames; otherwise only at the clock.
+    fn looks_at_frames(&self) -> bool {
+        true
+    }
+
+    /// How often frames are timed, if it says that.
+    fn sampling(&self) -> Option<Sampling> {
+        None
+    }
+
+    /// Nothing seen yet.
+    fn begin(&self) -> Box<dyn Tally>;
+}
+
+/// What a measure sums up over the frames of a cell.
+pub trait Tally {
+    fn frame(&mut self, seen: &Seen);
+
+    fn finish(self: Box<Self>) -> Figures;
+}
+
+/// Frames before the first that counts, and how often the path is timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampling {
+    pub warmup: u32,
+    pub repeats: u32,
+}
+
+/// A frame that is over.
+pub struct Seen<'a> {
+    pub plan: &'a Plan,
+    pub data: &'a SceneData,
+    pub frame: usize,
+    /// What was read back.
+    pub buffers: &'a BTreeMap<BufferId, Vec<u8>>,
+    /// There for measures that want it.
+    pub truth: Option<&'a TruthFrame>,
+}
+
+impl Seen<'_> {
+    pub fn camera(&self) -> &Camera {
+        &self.data.cameras[self.frame]
+    }
+
+    /// The elements of a buffer; none of one that was not asked for.
+    pub fn read<T: bytemuck::Pod>(&self, id: BufferId) -> Vec<T> {
+        self.buffers.get(&id).map_or(Vec::new(), |bytes| bytemuck::pod_collect_to_vec(bytes))
+    }
+
+    /// The frame in the middle of the path is the one that pictures are made of.
+    pub fn is_pictured(&self) -> bool {
+        self.frame == self.plan.frames / 2
+    }
+}
+
+/// Exact distances and their shaded picture for one frame.
+#[derive(Clone, Debug)]
+pub struct TruthFrame {
+    pub distance_m: Vec<f32>,
+    pub colour: Vec<u32>,
+}
+
+/// A measure of an experiment.
+pub struct Chosen {
+    pub info: &'static Info,
+    pub measure: Box<dyn Measure>,
+    /// All of its parameters, those that are not written among them.
+    parameters: String,
+}
+
+impl Chosen {
+    /// What decides its figures besides what it looks at.
+    pub fn identity(&self) -> String {
+        format!("{}/{} {}", self.info.name, self.info.version, self.parameters)
+    }
+}
+
+/// Looks a measure up in the registry and reads its parameters.
+pub fn read(call: &MeasureCall) -> Result<Chosen, Diagnostic> {
+    let Some(info) = REGISTRY.iter().find(|info| info.name == call.name) else {
+        return Err(Diagnostic::input(format!("there is no measure `{}`", call.name))
+            .at(&call.node.origin, "unknown measure")
+            .suggest(&call.name, REGISTRY.iter().map(|info| info.name)));
+    };
+    let (measure, parameters) = (info.read)(&call.node)?;
+    Ok(Chosen { info, measure, parameters })
+}
+
+/// Reads a measure whose parameters are one structure.
+fn read_as<M>(node: &Node) -> Result<(Box<dyn Measure>, String), Diagnostic>
+where
+    M: Measure + DeserializeOwned + Serialize + JsonSchema + 'static,
+{
+    let measure: M = parameters::read(node)?;
+    let written = serde_json::to_string(&measure)
+        .map_err(|error| Diagnostic::run(error.to_string()).at(&node.origin, "this measure"))?;
+    Ok((Box::new(measure), written))
+}
+
+/// The message for a chain that has nothing to measure.
+fn nothing_to_measure(chain: &Chain, measure: &str, what: &str, help: &str) -> Diagnostic {
+    Diagnostic::input(format!("`{measure}` measures {what}, and this chain has none"))
+        .at(chain.origin(), "this measure")
+        .help(help)
 }

@@ -3,11 +3,61 @@
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use super::Measured;
+use super::coverage::{Counts, drawn_distance};
+use super::{Column, Figures, Info, Measure, Measured, Picture, Seen, Show, Tally, read_as};
 use crate::camera::Camera;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
 use crate::experiment::scene::Surface;
+use crate::plan::product::Drawn;
+use crate::plan::{BufferId, Chain};
 use crate::terrain::HeightField;
+
+pub const INFO: Info = Info {
+    name: "ScreenError",
+    summary: "pixel distance between the drawn surface and the true surface at the same ground position",
+    version: 1,
+    parameters: schema::<ScreenError>,
+    read: read_as::<ScreenError>,
+    columns: &[
+        Column { heading: "error mean px", figure: "error_mean", show: Show::Number },
+        Column { heading: "rms", figure: "error_rms", show: Show::Number },
+        Column { heading: "p99", figure: "error_p99", show: Show::Number },
+        Column { heading: "max", figure: "error_max", show: Show::Number },
+        Column { heading: "over %", figure: "over_threshold", show: Show::Percent },
+        Column { heading: "sky miss %", figure: "silhouette_misses", show: Show::Percent },
+    ],
+};
+
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ScreenError {
+    /// pixels above it are counted
+    threshold_px: f64,
+}
+
+impl Default for ScreenError {
+    fn default() -> Self {
+        Self { threshold_px: 1.0 }
+    }
+}
+
+impl Measure for ScreenError {
+    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        Ok(vec![drawn_distance(chain)?])
+    }
+
+    fn wants_truth(&self) -> bool {
+        true
+    }
+
+    fn begin(&self) -> Box<dyn Tally> {
+        Box::new(Summary { threshold_px: self.threshold_px, ..Summary::default() })
+    }
+}
 
 /// The error of a pixel on which nothing was drawn.
 pub const SKY: f32 = f32::NAN;
@@ -16,10 +66,6 @@ pub const SKY: f32 = f32::NAN;
 #[derive(Clone, Debug)]
 pub struct FrameError {
     pub error_px: Vec<f32>,
-    /// Pixels where one of drawn and true is sky and the other is surface.
-    pub silhouette_misses: usize,
-    pub drawn: usize,
-    pub true_hits: usize,
     /// With a bound that the method promised: pixels that break it, and the largest error of any pixel, what it should have
     /// shown included.
     pub broken: Option<Broken>,
@@ -54,13 +100,11 @@ pub fn frame(
         off_px as f32
     };
     let error_px: Vec<f32> = drawn_m.par_iter().enumerate().map(pixel_error).collect();
-    let count =
-        |pick: fn(f32, f32) -> bool| drawn_m.iter().zip(true_m).filter(|(drawn, truth)| pick(**drawn, **truth)).count();
     let broken = bound_px.map(|bound_px| {
-        let seen = Seen { terrain, surface, camera };
+        let missed = Missed { terrain, surface, camera };
         let pixel = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         let worst = |at: usize| {
-            let missed_px = seen.missed_px(pixel(at), drawn_m[at].into(), true_m[at].into());
+            let missed_px = missed.missed_px(pixel(at), drawn_m[at].into(), true_m[at].into());
             // NaN where nothing was drawn is no error of what was
             missed_px.max(f64::from(error_px[at]))
         };
@@ -70,23 +114,17 @@ pub fn frame(
             worst_px: errors.into_iter().fold(0.0, f64::max),
         }
     });
-    FrameError {
-        broken,
-        error_px,
-        silhouette_misses: count(|drawn, truth| (drawn < 0.0) != (truth < 0.0)),
-        drawn: count(|drawn, _| drawn >= 0.0),
-        true_hits: count(|_, truth| truth >= 0.0),
-    }
+    FrameError { broken, error_px }
 }
 
-/// What a picture should have shown.
-struct Seen<'a> {
+/// What a picture should have shown and did not.
+struct Missed<'a> {
     terrain: &'a HeightField,
     surface: Surface,
     camera: &'a Camera,
 }
 
-impl Seen<'_> {
+impl Missed<'_> {
     /// How far, in pixels, the true surface sticks out over a pixel's ray between where the ray meets it and where it met
     /// what was drawn: the least error that the mesh must have there, since it lies under the ray. A pixel that shows what
     /// is there, or something nearer, has missed nothing. A ray that comes from under the surface is the same upside down.
@@ -153,26 +191,42 @@ struct Line {
 
 /// Errors of all frames of a cell, in constant memory.
 #[derive(Clone, Debug, Default)]
-pub struct Summary {
+struct Summary {
+    threshold_px: f64,
     errors: Distribution,
     over_threshold: usize,
     pixels: usize,
-    silhouette_misses: usize,
-    drawn: usize,
-    true_hits: usize,
+    counts: Counts,
     broken: Option<Broken>,
+    picture: Option<Picture>,
+}
+
+impl Tally for Summary {
+    fn frame(&mut self, seen: &Seen) {
+        let (Some(truth), Some(drawn)) = (seen.truth, seen.plan.products.latest::<Drawn<BufferId>>()) else { return };
+        let drawn_m: Vec<f32> = seen.read(drawn.distance);
+        let bound_px = drawn.promise.map(|promise| promise.bound_px);
+        let surface = seen.data.scene.surface;
+        let found = frame(&seen.data.terrain, surface, seen.camera(), &drawn_m, &truth.distance_m, bound_px);
+        self.add(&found);
+        self.counts.add(&drawn_m, &truth.distance_m);
+        if seen.is_pictured() {
+            self.picture = Some(self.heat_map(seen.data.scene.viewport.0, &found.error_px, &drawn_m, &truth.distance_m));
+        }
+    }
+
+    fn finish(self: Box<Self>) -> Figures {
+        Figures { measured: self.measured(), pictures: self.picture.into_iter().collect(), warnings: Vec::new() }
+    }
 }
 
 impl Summary {
-    pub fn add(&mut self, frame: &FrameError, threshold_px: f64) {
+    fn add(&mut self, frame: &FrameError) {
         for error in frame.error_px.iter().filter(|error| !error.is_nan()).map(|&error| f64::from(error)) {
             self.errors.add(error);
-            self.over_threshold += usize::from(error > threshold_px);
+            self.over_threshold += usize::from(error > self.threshold_px);
         }
         self.pixels += frame.error_px.len();
-        self.silhouette_misses += frame.silhouette_misses;
-        self.drawn += frame.drawn;
-        self.true_hits += frame.true_hits;
         if let Some(frame) = frame.broken {
             let broken = self.broken.get_or_insert_default();
             broken.pixels += frame.pixels;
@@ -180,29 +234,44 @@ impl Summary {
         }
     }
 
-    pub fn measures(&self) -> Vec<Measured> {
+    fn measured(&self) -> Vec<Measured> {
         let errors = &self.errors;
         let mean = |sum: f64| (errors.count > 0).then(|| sum / errors.count as f64);
         let share = |part: usize| (self.pixels > 0).then(|| part as f64 / self.pixels as f64);
-        let mut measures = vec![
+        let mut measured = vec![
             Measured::new("error_max", (errors.count > 0).then_some(errors.largest), "px"),
             Measured::new("error_mean", mean(errors.sum), "px"),
             Measured::new("error_rms", mean(errors.sum_of_squares).map(f64::sqrt), "px"),
             Measured::new("over_threshold", share(self.over_threshold), "of pixels"),
-            Measured::new("silhouette_misses", share(self.silhouette_misses), "of pixels"),
-            Measured::new("drawn", share(self.drawn), "of pixels"),
-            Measured::new("true_surface", share(self.true_hits), "of pixels"),
         ];
+        measured.extend(self.counts.measured());
         if let Some(broken) = self.broken {
-            measures.push(Measured::new("bound_violations", broken.pixels as f64, "pixels"));
-            measures.push(Measured::new("bound_worst", broken.worst_px, "px"));
+            measured.push(Measured::new("bound_violations", broken.pixels as f64, "pixels"));
+            measured.push(Measured::new("bound_worst", broken.worst_px, "px"));
         }
         for percent in [50, 95, 99] {
             let value = errors.percentile(f64::from(percent) / 100.0);
-            measures.push(Measured::new(&format!("error_p{percent}"), value, "px"));
+            measured.push(Measured::new(&format!("error_p{percent}"), value, "px"));
         }
-        measures
+        measured
     }
+
+    /// Error in pixels from black (none) over red and yellow to white (four thresholds and more); grey is sky, and blue are pixels where
+    /// sky and surface are mixed up.
+    fn heat_map(&self, width: u32, error_px: &[f32], drawn_m: &[f32], true_m: &[f32]) -> Picture {
+        let colour = |(&error, (&drawn, &truth)): (&f32, (&f32, &f32))| match ((drawn < 0.0) != (truth < 0.0), error.is_nan()) {
+            (true, _) => [40, 90, 255],
+            (false, true) => [70, 74, 80],
+            (false, false) => heat((f64::from(error) / (4.0 * self.threshold_px)).clamp(0.0, 1.0)),
+        };
+        let rgb = error_px.iter().zip(drawn_m.iter().zip(true_m)).flat_map(colour).collect();
+        Picture { kind: "error", width, rgb }
+    }
+}
+
+fn heat(share: f64) -> [u8; 3] {
+    let ramp = |from: f64| ((share - from) * 3.0).clamp(0.0, 1.0) * 255.0;
+    [ramp(0.0) as u8, ramp(1.0 / 3.0) as u8, ramp(2.0 / 3.0) as u8]
 }
 
 /// Maximum, sums, and a histogram whose bins are a thousandth wide, from a millionth of a pixel up.

@@ -1,6 +1,67 @@
 //! Times over many samples: median and quartiles; what was not measured stays that.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+use super::{Column, Figures, Info, Measure, Sampling, Seen, Show, Tally, read_as};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::plan::{BufferId, Chain};
+
+pub const INFO: Info = Info {
+    name: "Time",
+    summary: "time of each kernel and of a frame: medians and quartiles over warm repetitions of the path",
+    version: 1,
+    parameters: schema::<Time>,
+    read: read_as::<Time>,
+    columns: &[Column { heading: "frame ms", figure: "frame_ms", show: Show::Number }],
+};
+
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Time {
+    /// frames run before the first one that counts
+    #[schemars(range(max = 100000))]
+    warmup: u32,
+    /// how often the whole camera path is timed; 0 is once, too
+    #[schemars(range(max = 100000))]
+    repeats: u32,
+}
+
+impl Default for Time {
+    fn default() -> Self {
+        Self { warmup: 2, repeats: 1 }
+    }
+}
+
+impl Measure for Time {
+    fn needs(&self, _chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        Ok(Vec::new())
+    }
+
+    fn looks_at_frames(&self) -> bool {
+        false
+    }
+
+    fn sampling(&self) -> Option<Sampling> {
+        Some(Sampling { warmup: self.warmup, repeats: self.repeats.max(1) })
+    }
+
+    fn begin(&self) -> Box<dyn Tally> {
+        Box::new(Nothing)
+    }
+}
+
+/// Whoever runs the frames has the times; they are in the record by kernel and frame.
+struct Nothing;
+
+impl Tally for Nothing {
+    fn frame(&mut self, _seen: &Seen) {}
+
+    fn finish(self: Box<Self>) -> Figures {
+        Figures::default()
+    }
+}
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
@@ -22,4 +83,20 @@ pub fn spread(mut samples: Vec<f64>) -> Option<Spread> {
         low + (samples[place.ceil() as usize] - low) * place.fract()
     };
     Some(Spread { median: at(0.5), lower_quartile: at(0.25), upper_quartile: at(0.75), samples: samples.len() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quartiles_are_between_the_samples() {
+        let of = |samples: &[f64]| spread(samples.to_vec()).map(|s| (s.lower_quartile, s.median, s.upper_quartile));
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&[7.0]), Some((7.0, 7.0, 7.0)));
+        assert_eq!(of(&[5.0, 1.0, 3.0, 2.0, 4.0]), Some((2.0, 3.0, 4.0)));
+        assert_eq!(of(&[4.0, 1.0, 2.0, 3.0]), Some((1.75, 2.5, 3.25)));
+        // one slow frame moves neither median nor quartiles far
+        assert_eq!(of(&[1.0, 1.0, 1.0, 1.0, 1000.0]), Some((1.0, 1.0, 1.0)));
+    }
 }

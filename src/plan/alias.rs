@@ -10,7 +10,7 @@ pub fn assign(plan: &mut Plan, keep_everything: bool) {
     for (index, lifetime) in lifetimes.into_iter().enumerate() {
         let buffer = &mut plan.buffers[index];
         buffer.lifetime = lifetime;
-        let shares = buffer.often == Often::EveryFrame && buffer.storage == Storage::Buffer && !buffer.kept;
+        let shares = buffer.often == Often::EveryFrame && buffer.storage == Storage::Buffer && !buffer.lasts;
         if lifetime.is_some() && shares {
             order.push(index);
         }

@@ -4,26 +4,18 @@ use std::sync::Arc;
 
 use glam::UVec2;
 
-use super::{Buffer, BufferId, Capacities, Guard, LeftOut, Often, Plan, SceneData, Step, StepBuilder, Storage, Work};
+use super::product::{Product, Products};
+use super::{Buffer, BufferId, Capacities, Guard, LeftOut, Often, Packing, Plan, SceneData, Step, StepBuilder, Storage, Work};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::kernel::{Elem, Kernel};
 
-/// What a method says of its picture: nothing that the mesh shows, or fails to show, is further off than this.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Promise {
-    pub bound_px: f64,
-    /// The mesh is nowhere under the surface and its cells' errors are bounds; otherwise they are estimates.
-    pub proven: bool,
-}
-
-/// What a list of numbers was made of.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Listing {
-    /// Elements above `above` in there.
-    pub of: BufferId,
-    pub above: f64,
-    /// So many rows make one element, which has the number of the first.
-    pub rows: u32,
+/// What is known of the stages besides what they have stated so far, for messages.
+#[derive(Clone, Default)]
+pub struct Announced {
+    /// Stages after the one whose turn it is, and the buffers they make.
+    pub later: Vec<(String, Vec<String>)>,
+    /// The stages that make a buffer of a name or offer a product.
+    pub makers: Option<fn(&str) -> Vec<&'static str>>,
 }
 
 /// A chain while its stages are asked for their steps, in order.
@@ -33,50 +25,33 @@ pub struct Chain<'a> {
     pub(super) buffers: Vec<Buffer>,
     pub(super) steps: Vec<Step>,
     left_out: Vec<LeftOut>,
-    /// What was promised of which buffers: vertices, and what was drawn of them.
-    promises: Vec<(Promise, BufferId)>,
-    /// What lists have the numbers of.
-    listings: Vec<(Listing, BufferId)>,
+    products: Products<BufferId>,
     guards: Vec<Guard>,
     capacities: Capacities,
     stage: String,
     stage_index: usize,
     pub(super) origin: Origin,
-    /// Stages after this one and what they make.
-    later: Vec<(String, Vec<String>)>,
+    announced: Announced,
 }
 
 impl<'a> Chain<'a> {
     pub fn new(name: &str, data: &'a SceneData, origin: &Origin) -> Self {
         let size = data.terrain.size;
-        let height = Buffer {
-            name: "height".into(),
-            elem: Elem::F32,
-            dims: vec![size.y, size.x],
-            unit: "m",
-            meaning: "height samples, row 0 is north".into(),
-            storage: Storage::Input,
-            missing: None,
-            top_level: None,
-            often: Often::Once,
-            lifetime: None,
-            slot: None,
-            kept: false,
-        };
+        let meaning = "height samples, row 0 is north";
+        let height = Buffer { storage: Storage::Input, ..Buffer::new("height", Elem::F32, &[size.y, size.x], "m", meaning) };
         Self {
             data,
             name: name.into(),
             buffers: vec![height],
             steps: Vec::new(),
             left_out: Vec::new(),
-            promises: Vec::new(),
-            listings: Vec::new(),
+            products: Products::default(),
             guards: Vec::new(),
             capacities: Capacities::new(),
             stage: String::new(),
             stage_index: 0,
             origin: origin.clone(),
-            later: Vec::new(),
+            announced: Announced::default(),
         }
     }
 
@@ -91,68 +66,107 @@ impl<'a> Chain<'a> {
         &self.origin
     }
 
-    /// Says what the stages after this one make, for the message to somebody who has the order wrong.
-    pub fn announce(&mut self, later: Vec<(String, Vec<String>)>) {
-        self.later = later;
+    /// Says what else there is, for the message to somebody who has the order wrong or a stage too few.
+    pub fn announce(&mut self, announced: Announced) {
+        self.announced = announced;
     }
 
-    pub fn has(&self, name: &str) -> bool {
-        self.buffers.iter().any(|buffer| buffer.name == name)
+    /// The newest buffer of a name.
+    pub fn find(&self, name: &str) -> Option<BufferId> {
+        self.buffers.iter().rposition(|buffer| buffer.name == name).map(BufferId)
     }
 
     /// A buffer that a stage before this one made, or the terrain's `height`.
     pub fn read(&self, name: &str) -> Result<BufferId, Diagnostic> {
-        if let Some(at) = self.buffers.iter().rposition(|buffer| buffer.name == name) {
-            return Ok(BufferId(at));
-        }
-        let later = self.later.iter().find(|(_, makes)| makes.iter().any(|made| made == name));
-        let message = format!("`{}` needs the buffer `{name}`, which no stage before it makes", self.stage);
-        let message = Diagnostic::input(message).at(&self.origin, "this stage");
-        Err(match later {
-            Some((stage, _)) => message.help(format!(
-                "`{stage}` makes it further down, but a chain runs in order: move `{stage}` up; if it needs this stage in turn, the two are a cycle"
-            )),
-            None => message.suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str())),
+        self.find(name).ok_or_else(|| {
+            let message = format!("`{}` needs the buffer `{name}`, which no stage before it makes", self.stage);
+            let message = Diagnostic::input(message).at(&self.origin, "this stage");
+            match self.whose_turn_comes(name) {
+                Some(help) => message.help(help),
+                None => message.suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str())),
+            }
         })
+    }
+
+    /// The latest product of a kind that a stage before this one offered.
+    pub fn latest<P: Product<BufferId>>(&self) -> Result<P, Diagnostic> {
+        self.products.latest().ok_or_else(|| {
+            let message = format!("`{}` needs {}, which no stage before it makes", self.stage, P::WHAT);
+            let message = Diagnostic::input(message).at(&self.origin, "this stage");
+            match self.whose_turn_comes(P::WHAT) {
+                Some(help) => message.help(help),
+                None => message,
+            }
+        })
+    }
+
+    /// Who makes a buffer or a product: a stage further down, or stages that are not in the chain.
+    fn whose_turn_comes(&self, what: &str) -> Option<String> {
+        let makers = self.announced.makers.map(|makers| makers(what)).unwrap_or_default();
+        let is_maker = |(stage, makes): &&(String, Vec<String>)| {
+            makes.iter().any(|made| made == what) || makers.contains(&stage.as_str())
+        };
+        if let Some((stage, _)) = self.announced.later.iter().find(is_maker) {
+            return Some(format!(
+                "`{stage}` makes it further down, but a chain runs in order: move `{stage}` up; if it needs this stage in turn, the two are a cycle"
+            ));
+        }
+        let named: Vec<String> = makers.iter().map(|maker| format!("`{maker}`")).collect();
+        (!named.is_empty()).then(|| format!("{} makes it", named.join(" or ")))
+    }
+
+    pub fn products(&self) -> &Products<BufferId> {
+        &self.products
+    }
+
+    /// Hands something on to the stages after this one and to the measures.
+    pub fn offer<P: Product<BufferId>>(&mut self, product: P) {
+        self.products.offer(product);
     }
 
     /// Like [`Chain::read`], for a buffer that has to be of one kind: any stage can make a buffer of that name.
     /// Kernels that run without bounds checks rely on it.
     pub fn read_as(&self, name: &str, elem: Elem, dims: &[u32]) -> Result<BufferId, Diagnostic> {
         let id = self.read(name)?;
-        let buffer = self.buffer(id);
-        if buffer.elem == elem && buffer.dims == dims {
-            return Ok(id);
-        }
-        let message = format!(
-            "`{}` needs `{name}` as {elem:?} {dims:?}, but here it is {:?} {:?}",
-            self.stage, buffer.elem, buffer.dims
-        );
-        Err(Diagnostic::input(message).at(&self.origin, "this stage"))
+        self.check_kind(id, elem, dims)?;
+        Ok(id)
     }
 
-    /// Like [`Chain::read_as`], for a buffer whose contents kernels of this crate rely on: it may not be a user's.
-    pub fn read_own(&self, name: &str, elem: Elem, dims: &[u32]) -> Result<BufferId, Diagnostic> {
-        let id = self.read_as(name, elem, dims)?;
+    /// Refuses a buffer that a user's kernel writes: kernels that run without bounds checks rely on what is in it.
+    pub fn check_own(&self, id: BufferId) -> Result<(), Diagnostic> {
         let is_foreign = |step: &&Step| !step.kernel.trusted && step.writes.contains(&id);
         match self.steps.iter().find(is_foreign) {
-            None => Ok(id),
+            None => Ok(()),
             Some(step) => Err(Diagnostic::input(format!(
-                "`{}` relies on what is in `{name}`, which `{}` writes",
-                self.stage, step.kernel.name
+                "`{}` relies on what is in `{}`, which `{}` writes",
+                self.stage,
+                self.buffer(id).name,
+                step.kernel.name
             ))
             .at(&self.origin, "this stage")
             .help("give what your kernel makes another name")),
         }
     }
 
-    /// Like [`Chain::read_as`], for a grid of any size with at least two rows and columns; returns both.
-    pub fn read_grid(&self, name: &str, elem: Elem) -> Result<(BufferId, UVec2), Diagnostic> {
-        let id = self.read(name)?;
+    /// Refuses a buffer that is not of one kind.
+    pub fn check_kind(&self, id: BufferId, elem: Elem, dims: &[u32]) -> Result<(), Diagnostic> {
+        let buffer = self.buffer(id);
+        if buffer.elem == elem && buffer.dims == dims {
+            return Ok(());
+        }
+        let message = format!(
+            "`{}` needs `{}` as {elem:?} {dims:?}, but here it is {:?} {:?}",
+            self.stage, buffer.name, buffer.elem, buffer.dims
+        );
+        Err(Diagnostic::input(message).at(&self.origin, "this stage"))
+    }
+
+    /// Columns and rows of a grid of any size with at least two of either.
+    pub fn grid_size(&self, id: BufferId, elem: Elem) -> Result<UVec2, Diagnostic> {
         let buffer = self.buffer(id);
         match buffer.dims[..] {
-            [rows, columns] if rows >= 2 && columns >= 2 && buffer.elem == elem => Ok((id, UVec2::new(columns, rows))),
-            _ => Err(Diagnostic::input(format!("`{}` needs `{name}` as a grid of {elem:?}", self.stage))
+            [rows, columns] if rows >= 2 && columns >= 2 && buffer.elem == elem => Ok(UVec2::new(columns, rows)),
+            _ => Err(Diagnostic::input(format!("`{}` needs `{}` as a grid of {elem:?}", self.stage, buffer.name))
                 .at(&self.origin, "this stage")
                 .help("at least two rows and two columns")),
         }
@@ -163,27 +177,14 @@ impl<'a> Chain<'a> {
     }
 
     pub fn make(&mut self, name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> BufferId {
-        self.buffers.push(Buffer {
-            name: name.into(),
-            elem,
-            dims: dims.to_vec(),
-            unit,
-            meaning: meaning.into(),
-            storage: Storage::Buffer,
-            missing: None,
-            top_level: None,
-            often: Often::EveryFrame,
-            lifetime: None,
-            slot: None,
-            kept: false,
-        });
+        self.buffers.push(Buffer::new(name, elem, dims, unit, meaning));
         BufferId(self.buffers.len() - 1)
     }
 
-    /// A buffer in which the next frame finds what this one left; zeros in the first.
-    pub fn make_kept(&mut self, name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> BufferId {
+    /// A buffer with memory of its own: its contents survive the frame, for the next frame or for the host to look at. Zeros at first.
+    pub fn make_lasting(&mut self, name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> BufferId {
         let id = self.make(name, elem, dims, unit, meaning);
-        self.buffers[id.0].kept = true;
+        self.buffers[id.0].lasts = true;
         id
     }
 
@@ -203,12 +204,14 @@ impl<'a> Chain<'a> {
         self.guards.push(Guard { list: list.into(), capacity, needed, at });
     }
 
-    /// Distances along the pixel's ray in metres, negative where there is no surface.
-    pub fn make_distance(&mut self) -> BufferId {
-        let (width, height) = self.data.scene.viewport;
-        let id = self.make("distance", Elem::F32, &[height, width], "m", "distance along the pixel's ray");
-        self.buffers[id.0].missing = Some(-1.0);
-        id
+    /// Negative numbers in a buffer mean "no surface here"; dumped as NaN.
+    pub fn set_missing_below_zero(&mut self, buffer: BufferId) {
+        self.buffers[buffer.0].missing = Some(-1.0);
+    }
+
+    /// Says that each element holds several values.
+    pub fn set_packing(&mut self, buffer: BufferId, packing: Packing) {
+        self.buffers[buffer.0].packing = packing;
     }
 
     pub fn set_top_level(&mut self, pyramid: BufferId, level: u32) {
@@ -221,26 +224,6 @@ impl<'a> Chain<'a> {
         let id = self.make(name, elem, &[height, width], "", meaning);
         self.buffers[id.0].storage = Storage::Target;
         id
-    }
-
-    /// Says how far off a picture of these vertices, or this picture, may be.
-    pub fn promise(&mut self, promise: Promise, buffer: BufferId) {
-        self.promises.push((promise, buffer));
-    }
-
-    /// What was said of a buffer; another one of the same name has its own.
-    pub fn promise_of(&self, buffer: BufferId) -> Option<Promise> {
-        self.promises.iter().find(|(_, of)| *of == buffer).map(|(promise, _)| *promise)
-    }
-
-    /// Says what a list has the numbers of.
-    pub fn list(&mut self, list: BufferId, listing: Listing) {
-        self.listings.push((listing, list));
-    }
-
-    /// What was said of a list; nothing, if a kernel of the user's made it.
-    pub fn listing_of(&self, list: BufferId) -> Option<Listing> {
-        self.listings.iter().find(|(_, of)| *of == list).map(|(listing, _)| *listing)
     }
 
     /// How many steps so far write a buffer.
@@ -264,7 +247,7 @@ impl<'a> Chain<'a> {
             entry: entry.into(),
             bindings: Vec::new(),
             optional: Vec::new(),
-            spare: Vec::new(),
+            unused: Vec::new(),
             params: Vec::new(),
             constants: Vec::new(),
             work: Work::Groups([1; 3]),
@@ -275,24 +258,22 @@ impl<'a> Chain<'a> {
         StepBuilder::new(self, step)
     }
 
-    /// Names of the buffers that stages make, in order.
-    pub fn made(&self) -> Vec<String> {
-        self.buffers
-            .iter()
-            .filter(|buffer| buffer.storage != Storage::Input)
-            .map(|buffer| buffer.name.clone())
-            .collect()
+    /// The buffers that stages make, in order; of several with one name, the last.
+    pub fn made(&self) -> Vec<BufferId> {
+        let is_made = |id: &BufferId| {
+            let buffer = self.buffer(*id);
+            buffer.storage != Storage::Input && self.find(&buffer.name) == Some(*id)
+        };
+        (0..self.buffers.len()).map(BufferId).filter(is_made).collect()
     }
 
-    /// Names of the buffers that the last step writes: what the chain is for.
-    pub fn last_made(&self) -> Vec<String> {
-        let last = self.steps.last().map_or(&[][..], |step| &step.writes);
-        last.iter().map(|id| self.buffers[id.0].name.clone()).collect()
+    /// The buffers that the last step writes: what the chain is for.
+    pub fn last_made(&self) -> Vec<BufferId> {
+        self.steps.last().map_or(Vec::new(), |step| step.writes.clone())
     }
 
-    pub(super) fn into_draft(self) -> Result<Plan, Diagnostic> {
-        let promise = self.read("distance").ok().and_then(|distance| self.promise_of(distance));
-        Ok(Plan {
+    pub(super) fn into_draft(self) -> Plan {
+        Plan {
             chain: self.name,
             buffers: self.buffers,
             steps: self.steps,
@@ -300,8 +281,8 @@ impl<'a> Chain<'a> {
             slots: Vec::new(),
             outputs: Vec::new(),
             frames: self.data.cameras.len(),
-            promise,
+            products: self.products,
             guards: self.guards,
-        })
+        }
     }
 }

@@ -13,7 +13,7 @@ pub fn explain(plan: &Plan) -> String {
 }
 
 fn write_plan(plan: &Plan, out: &mut String) -> std::fmt::Result {
-    writeln!(out, "chain `{}`, {} frame(s), {}", plan.chain, plan.frames, megabytes(plan.bytes()))?;
+    writeln!(out, "  {} frame(s), {}", plan.frames, megabytes(plan.bytes()))?;
     for (often, title) in [(Often::Once, "once a terrain"), (Often::EveryFrame, "every frame")] {
         let steps: Vec<_> = plan.steps.iter().filter(|step| step.often == often).collect();
         if !steps.is_empty() {
@@ -23,7 +23,7 @@ fn write_plan(plan: &Plan, out: &mut String) -> std::fmt::Result {
             let work = match &step.work {
                 Work::Groups([x, y, z]) => format!("{x} x {y} x {z} workgroups"),
                 Work::Indirect(id) => format!("workgroups from `{}`", plan.buffer(*id).name),
-                Work::Draw { vertices: Vertices::Strip(vertices), .. } => format!("{} triangles", vertices / 3),
+                Work::Draw { vertices: Vertices::Strip { triangles, .. }, .. } => format!("{triangles} triangles"),
                 Work::Draw { vertices: Vertices::List(id), .. } => {
                     format!("triangles from `{}`", plan.buffer(*id).name)
                 }
@@ -55,7 +55,7 @@ fn describe(buffer: &Buffer) -> String {
         (Storage::Input, _) => "uploaded".to_string(),
         (Storage::Target, _) => "render target".to_string(),
         (_, Some(slot)) => format!("block {slot}"),
-        (_, None) => "kept".to_string(),
+        (_, None) => "own memory".to_string(),
     };
     let lives = buffer.lifetime.map_or(String::new(), |(first, last)| format!("steps {first}..{last}"));
     format!(

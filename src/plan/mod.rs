@@ -6,6 +6,8 @@
 mod alias;
 pub mod chain;
 mod explain;
+mod fingerprint;
+pub mod product;
 mod prune;
 mod scene;
 mod step;
@@ -14,8 +16,9 @@ use std::sync::Arc;
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{BindingKind, Elem, Kernel};
+use product::Products;
 
-pub use chain::{Chain, Listing, Promise};
+pub use chain::{Announced, Chain};
 pub use explain::{explain, megabytes};
 pub use scene::{SceneData, Tile};
 pub use step::StepBuilder;
@@ -59,11 +62,70 @@ pub struct Buffer {
     pub lifetime: Option<(usize, usize)>,
     /// Which block of transient memory it lives in; only buffers made every frame share memory.
     pub slot: Option<usize>,
-    /// The next frame, or who looks between frames, finds what this one left.
-    pub kept: bool,
+    /// Shares no memory: its contents survive the frame, for the next frame or for the host to look at.
+    pub lasts: bool,
+    /// What is in one element.
+    pub packing: Packing,
+}
+
+/// Several values in one element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    /// As many values as the element has components.
+    None,
+    /// Four bytes in a u32, the lowest first.
+    Bytes,
+    /// Two f16 in a u32, the lower first.
+    Halves,
 }
 
 impl Buffer {
+    /// An ordinary buffer that a step will write.
+    pub fn new(name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> Self {
+        Self {
+            name: name.into(),
+            elem,
+            dims: dims.to_vec(),
+            unit,
+            meaning: meaning.into(),
+            storage: Storage::Buffer,
+            missing: None,
+            top_level: None,
+            often: Often::EveryFrame,
+            lifetime: None,
+            slot: None,
+            lasts: false,
+            packing: Packing::None,
+        }
+    }
+
+    /// Values in one element.
+    pub fn components(&self) -> u32 {
+        match self.packing {
+            Packing::None => self.elem.components(),
+            Packing::Bytes => 4,
+            Packing::Halves => 2,
+        }
+    }
+
+    /// The values in the bytes of a buffer, unpacked; NaN where there is no surface.
+    pub fn values(&self, bytes: &[u8]) -> Vec<f64> {
+        let numbers = || bytemuck::pod_collect_to_vec::<u8, u32>(bytes).into_iter();
+        match (self.packing, self.elem) {
+            (Packing::Bytes, _) => bytes.iter().map(|&byte| byte.into()).collect(),
+            (Packing::Halves, _) => bytemuck::pod_collect_to_vec::<u8, u16>(bytes)
+                .into_iter()
+                .map(|bits| half::f16::from_bits(bits).into())
+                .collect(),
+            (_, elem) if elem.is_float() => numbers()
+                .map(|bits| f64::from(f32::from_bits(bits)))
+                .map(|value| if self.missing.is_some() && value < 0.0 { f64::NAN } else { value })
+                .collect(),
+            (_, Elem::I32) => numbers().map(|bits| f64::from(bits as i32)).collect(),
+            _ => numbers().map(f64::from).collect(),
+        }
+    }
+
     pub fn elements(&self) -> u64 {
         self.dims.iter().fold(1, |product: u64, &side| product.saturating_mul(side.into()))
     }
@@ -108,10 +170,10 @@ pub enum Work {
     Draw { vertices: Vertices, target: BufferId, fragment: String },
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vertices {
-    /// One strip of so many.
-    Strip(u32),
+    /// One strip of so many, in which so many triangles have an area.
+    Strip { vertices: u32, triangles: u32 },
     /// Three a triangle, as many as the first of four u32 in a buffer says: vertices, instances, first vertex, first instance.
     List(BufferId),
 }
@@ -121,7 +183,7 @@ impl Work {
     pub fn drawn(&self) -> Option<(bool, BufferId, &str)> {
         match self {
             Work::Draw { vertices, target, fragment } => {
-                Some((matches!(vertices, Vertices::Strip(_)), *target, fragment))
+                Some((matches!(vertices, Vertices::Strip { .. }), *target, fragment))
             }
             _ => None,
         }
@@ -154,7 +216,7 @@ pub struct Step {
     /// Outputs that are only written if somebody wants them: variable, buffer, override constant.
     pub optional: Vec<(String, BufferId, String)>,
     /// Variables that an `override` keeps the kernel from using: they need no buffer.
-    pub spare: Vec<String>,
+    pub unused: Vec<String>,
     pub params: Vec<(String, Series)>,
     pub constants: Vec<(String, f64)>,
     pub work: Work,
@@ -169,6 +231,16 @@ impl Step {
         self.params.iter().any(|(_, series)| matches!(series, Series::PerFrame(_)))
     }
 
+    /// Bytes of its parameters, for every frame if they change.
+    pub fn parameter_bytes(&self, frames: usize) -> u64 {
+        let bindings = self.kernel.entry(&self.entry).map_or(&[][..], |entry| &entry.bindings);
+        let structure = bindings.iter().find_map(|binding| match &binding.kind {
+            BindingKind::Params(structure) => Some(u64::from(structure.bytes)),
+            _ => None,
+        });
+        structure.unwrap_or(0) * if self.is_per_frame() { frames as u64 } else { 1 }
+    }
+
     /// Threads started, for what leaving the step out saves.
     pub fn threads(&self) -> u64 {
         match self.work {
@@ -176,7 +248,7 @@ impl Step {
                 let size = self.kernel.entry(&self.entry).map_or([1; 3], |entry| entry.workgroup_size);
                 groups.iter().zip(size).map(|(&groups, size)| u64::from(groups) * u64::from(size)).product()
             }
-            Work::Draw { vertices: Vertices::Strip(vertices), .. } => vertices.into(),
+            Work::Draw { vertices: Vertices::Strip { vertices, .. }, .. } => vertices.into(),
             Work::Indirect(_) | Work::Draw { vertices: Vertices::List(_), .. } => 0,
         }
     }
@@ -203,26 +275,28 @@ pub struct Plan {
     /// What is read back, in the order it was asked for.
     pub outputs: Vec<BufferId>,
     pub frames: usize,
-    /// How far off the picture may be, by the method's own word.
-    pub promise: Option<Promise>,
+    /// What the stages offer to the measures.
+    pub products: Products<BufferId>,
     pub guards: Vec<Guard>,
 }
 
 /// What a plan is made for.
 #[derive(Clone, Debug)]
 pub struct Demand {
-    /// Buffers that are measured, dumped or looked at; an unknown name is an error.
-    pub outputs: Vec<String>,
+    /// Buffers that are measured, dumped or looked at.
+    pub outputs: Vec<BufferId>,
     /// Run everything, needed or not: the yardstick that shows leaving things out changes nothing.
     pub keep_everything: bool,
 }
 
 impl Plan {
     /// Plans a chain whose stages have stated their steps.
-    pub fn finish(chain: Chain<'_>, demand: &Demand) -> Result<Plan, Diagnostic> {
-        let mut plan = chain.into_draft()?;
-        for name in &demand.outputs {
-            plan.outputs.push(plan.find(name)?);
+    pub fn finish(chain: Chain<'_>, demand: &Demand) -> Plan {
+        let mut plan = chain.into_draft();
+        for &id in &demand.outputs {
+            if !plan.outputs.contains(&id) {
+                plan.outputs.push(id);
+            }
         }
         prune::classify(&mut plan);
         if !demand.keep_everything {
@@ -230,7 +304,7 @@ impl Plan {
         }
         prune::resolve_optional(&mut plan, demand.keep_everything);
         alias::assign(&mut plan, demand.keep_everything);
-        Ok(plan)
+        plan
     }
 
     /// The last buffer of that name.
@@ -264,7 +338,7 @@ impl Plan {
 
     /// Whether a frame starts from what another one left.
     pub fn remembers(&self) -> bool {
-        let touched = |id: BufferId| self.buffer(id).kept && self.guards.iter().all(|guard| guard.needed != id);
+        let touched = |id: BufferId| self.buffer(id).lasts && self.guards.iter().all(|guard| guard.needed != id);
         (0..self.buffers.len()).any(|at| touched(BufferId(at)) && self.lives(BufferId(at)))
     }
 
@@ -273,9 +347,23 @@ impl Plan {
         self.buffer(id).lifetime.is_some()
     }
 
-    /// Bytes of all memory the plan asks for.
+    /// Bytes of all memory the plan asks for: buffers, the terrain in each form that it is bound in, render targets with their depth,
+    /// and the parameters of all frames.
     pub fn bytes(&self) -> u64 {
-        let own = |buffer: &&Buffer| buffer.lifetime.is_some() && buffer.slot.is_none();
-        self.buffers.iter().filter(own).map(Buffer::bytes).sum::<u64>() + self.slots.iter().sum::<u64>()
+        let own = |(at, buffer): (usize, &Buffer)| match (buffer.lifetime, buffer.storage, buffer.slot) {
+            (None, _, _) | (_, _, Some(_)) => 0,
+            (_, Storage::Input, _) => {
+                let (array, image) = self.bound_as(BufferId(at));
+                buffer.bytes().saturating_mul(u64::from(array) + u64::from(image))
+            }
+            (_, Storage::Target, _) => buffer.bytes().saturating_add(buffer.elements().saturating_mul(DEPTH_BYTES)),
+            (_, Storage::Buffer, _) => buffer.bytes(),
+        };
+        let buffers = self.buffers.iter().enumerate().map(own).fold(0, u64::saturating_add);
+        let parameters: u64 = self.steps.iter().map(|step| step.parameter_bytes(self.frames)).sum();
+        buffers.saturating_add(self.slots.iter().sum()).saturating_add(parameters)
     }
 }
+
+/// Bytes a pixel of a render target's depth.
+const DEPTH_BYTES: u64 = 4;

@@ -28,15 +28,15 @@ pub fn classify(plan: &mut Plan) {
 /// Drops the steps that nothing wanted depends on.
 pub fn prune(plan: &mut Plan) {
     let mut wanted = plan.outputs.clone();
-    // the steps of the frame before are those that come after
+    // a buffer that lasts is an output of this frame for the next one
     while let Some(id) = remembered(plan, &wanted) {
         wanted.push(id);
     }
-    let mut kept = Vec::new();
+    let mut needed = Vec::new();
     for step in std::mem::take(&mut plan.steps).into_iter().rev() {
         if is_needed(&step, &wanted) {
             wanted.extend(&step.reads);
-            kept.push(step);
+            needed.push(step);
             continue;
         }
         let names: Vec<String> = step.writes.iter().map(|id| format!("`{}`", plan.buffers[id.0].name)).collect();
@@ -52,15 +52,15 @@ pub fn prune(plan: &mut Plan) {
             None => plan.left_out.push(LeftOut { what, reason, saved_bytes, saved_threads }),
         }
     }
-    kept.reverse();
-    plan.steps = kept;
+    needed.reverse();
+    plan.steps = needed;
 }
 
 fn is_needed(step: &super::Step, wanted: &[BufferId]) -> bool {
     step.writes.iter().chain(step.optional.iter().map(|(_, id, _)| id)).any(|id| wanted.contains(id))
 }
 
-/// A buffer kept from frame to frame that something wanted touches, but that is not wanted yet.
+/// A buffer that lasts from frame to frame, which something wanted touches, but that is not wanted yet.
 fn remembered(plan: &Plan, wanted: &[BufferId]) -> Option<BufferId> {
     let mut reached = wanted.to_vec();
     for step in plan.steps.iter().rev() {
@@ -68,7 +68,7 @@ fn remembered(plan: &Plan, wanted: &[BufferId]) -> Option<BufferId> {
             reached.extend(step.bindings.iter().map(|(_, id)| *id));
         }
     }
-    reached.into_iter().find(|id| plan.buffers[id.0].kept && !wanted.contains(id))
+    reached.into_iter().find(|id| plan.buffers[id.0].lasts && !wanted.contains(id))
 }
 
 /// Switches off the optional outputs that nobody wants; the others become ordinary bindings.

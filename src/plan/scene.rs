@@ -66,6 +66,22 @@ impl SceneData {
         Self { range_m: terrain.range_m(), tiles: tiles(&terrain), scene, terrain, cameras, sees_underside }
     }
 
+    /// The frames that measures look at, as one hash: cameras in f64, viewport and surface.
+    pub fn fingerprint(&self) -> String {
+        let mut hasher = blake3::Hasher::new();
+        for camera in &self.cameras {
+            let numbers = camera.world_from_view.to_cols_array().into_iter();
+            let numbers = numbers.chain(camera.eye_m.to_array()).chain(camera.half_tan.to_array());
+            numbers.for_each(|number| {
+                hasher.update(&number.to_le_bytes());
+            });
+            hasher.update(&camera.viewport.0.to_le_bytes());
+            hasher.update(&camera.viewport.1.to_le_bytes());
+        }
+        hasher.update(&[self.scene.surface as u8]);
+        hasher.finalize().to_hex().as_str()[..32].to_string()
+    }
+
     /// The steepest slope of the surface, as a tangent.
     pub fn steepest(&self) -> f64 {
         self.terrain.steepest(self.scene.surface)

@@ -30,13 +30,13 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
 
     /// Binds a buffer to one of two variables of different types, of which the kernel uses the right one by an `override`.
     pub fn bind_either(self, floats: &str, numbers: &str, buffer: BufferId, is_numbers: bool) -> Self {
-        let (used, spare) = if is_numbers { (numbers, floats) } else { (floats, numbers) };
-        self.bind(used, buffer).leave_unbound(spare)
+        let (used, unused) = if is_numbers { (numbers, floats) } else { (floats, numbers) };
+        self.bind(used, buffer).leave_unbound(unused)
     }
 
     /// A variable that the kernel, with these constants and this entry point, never touches.
     pub fn leave_unbound(mut self, variable: &str) -> Self {
-        self.step.spare.push(variable.into());
+        self.step.unused.push(variable.into());
         self
     }
 
@@ -120,8 +120,8 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
     }
 
     /// Draws one strip of triangles and keeps the nearest fragments.
-    pub fn draw_strip(self, vertices: u32, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
-        self.draw(Vertices::Strip(vertices), target, fragment)
+    pub fn draw_strip(self, strip: Vertices, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
+        self.draw(strip, target, fragment)
     }
 
     /// Draws as many triangles as the buffer says (see [`Vertices::List`]).
@@ -144,13 +144,13 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
         }
         let (mut reads, mut in_place, mut writes) = (Vec::new(), Vec::new(), Vec::new());
         for binding in entries.iter().flat_map(|entry| &entry.bindings) {
-            let bound = self.step.bindings.iter().map(|(name, id)| (name, *id));
+            let attached = self.step.bindings.iter().map(|(name, id)| (name, *id));
             let optional = self.step.optional.iter().map(|(name, id, _)| (name, *id));
-            let buffer = bound.chain(optional).find(|(name, _)| **name == binding.name).map(|(_, id)| id);
+            let buffer = attached.chain(optional).find(|(name, _)| **name == binding.name).map(|(_, id)| id);
             match (&binding.kind, buffer) {
                 (BindingKind::Params(structure), _) => self.check_params(structure)?,
                 (BindingKind::Sampler, _) => {}
-                (_, None) if self.step.spare.contains(&binding.name) => {}
+                (_, None) if self.step.unused.contains(&binding.name) => {}
                 (_, None) => {
                     return Err(self.mistake(format!("`{}` is not bound to a buffer", binding.name), &binding.origin));
                 }
@@ -169,7 +169,7 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
                     }
                     match (*read, *written) {
                         (_, false) => reads.push(id),
-                        // what an earlier step left there goes into what this one leaves
+                        // an update in place: the previous contents are an input
                         (true, true) if self.chain.steps.iter().any(|step| step.writes.contains(&id)) => {
                             in_place.push(id);
                             writes.push(id);

@@ -53,10 +53,11 @@ fn write_page(
         write!(html, "<h2>Error against run time</h2>{svg}")?;
     }
     write!(html, "<h2>Cells</h2><table><tr>")?;
-    for name in table::HEADER {
+    let columns = table::columns(records);
+    for name in table::header(&columns) {
         write!(html, "<th>{name}</th>")?;
     }
-    for row in table::rows(records) {
+    for row in table::rows(&columns, records) {
         write!(html, "</tr><tr>")?;
         for cell in row {
             write!(html, "<td>{}</td>", escape(&cell))?;

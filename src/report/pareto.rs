@@ -3,6 +3,7 @@
 use plotters::prelude::*;
 
 use super::Record;
+use crate::experiment::diagnostic::Diagnostic;
 
 /// A record with both numbers.
 struct Point<'a> {
@@ -36,14 +37,14 @@ const LINE_WIDTH: u32 = 44;
 const LETTER_WIDTH: u32 = 8;
 
 /// The plot as SVG text, or `None` if no record has an error and a time.
-pub fn svg(title: &str, records: &[Record]) -> Option<String> {
+pub fn svg(title: &str, records: &[Record]) -> Result<Option<String>, Diagnostic> {
     let points: Vec<Point> = records.iter().filter_map(point).collect();
     if points.is_empty() {
-        return None;
+        return Ok(None);
     }
     let mut text = String::new();
-    draw(&mut text, title, &points).ok()?;
-    Some(text)
+    draw(&mut text, title, &points).map_err(|error| Diagnostic::run(format!("the plot cannot be drawn: {error}")))?;
+    Ok(Some(text))
 }
 
 fn point(record: &Record) -> Option<Point<'_>> {

@@ -1,5 +1,6 @@
 //! One record a cell, written when the cell is done and never half.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,50 +13,84 @@ use crate::measure::Measured;
 use crate::measure::time::Spread;
 use crate::plan::LeftOut;
 
-/// Everything that decides a cell's results; a change in any part makes it another cell.
+/// Changes whenever a record would mean something else than before.
+pub const FORMAT: u32 = 3;
+
+/// Everything that decides a cell's results: what is carried out, on what, and what is measured. A change in any part makes it another
+/// cell, except in how it was written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Identity {
-    /// Chain, scene, stages and measures, canonical.
-    pub parameters: String,
-    /// Kernel files and the hashes of their assembled texts.
+    /// Fingerprint of the plan.
+    pub plan: String,
+    /// Kernel files of the plan and the hashes of their assembled texts; they are part of the fingerprint.
     pub kernels: Vec<(String, String)>,
+    /// The same of the ground truth, if a measure compares with it.
+    pub truth: Option<String>,
+    pub truth_kernels: Vec<(String, String)>,
+    /// Fingerprint of the frames, if a measure looks at them.
+    pub frames: Option<String>,
+    /// Each measure with its version and all of its parameters.
+    pub measures: Vec<String>,
     pub terrain: String,
+    /// Adapter, backend and driver.
     pub adapter: String,
-    /// Version of lodlab and of this record.
-    pub version: String,
+    pub format: u32,
+    /// Stages, scene and measures as they were written. Not part of the hash: what counts is what is carried out.
+    pub parameters: String,
 }
 
 impl Identity {
     pub fn hash(&self) -> String {
-        // a structure of strings always serializes
-        let text = serde_json::to_string(self).unwrap_or_default();
+        let carried_out = (&self.plan, &self.truth, &self.frames, &self.measures, &self.terrain, &self.adapter, self.format);
+        // a tuple of strings always serializes
+        let text = serde_json::to_string(&carried_out).unwrap_or_default();
         blake3::hash(text.as_bytes()).to_hex().as_str()[..16].to_string()
     }
 
-    /// What differs from the record of an earlier run of the same cell.
+    /// What differs from the record of an earlier run of the same cell, in the user's words where it was written, else in ours.
     fn changes(&self, earlier: &Identity) -> Vec<String> {
         let mut changes = Vec::new();
-        if self.parameters != earlier.parameters {
-            changes.push("parameters".to_string());
+        let is_other_text = self.parameters != earlier.parameters;
+        let kernels = changed_kernels(&self.kernels, &earlier.kernels);
+        let truth_kernels = changed_kernels(&self.truth_kernels, &earlier.truth_kernels);
+        if self.plan != earlier.plan || self.frames != earlier.frames {
+            match (is_other_text, kernels.is_empty()) {
+                (true, _) => changes.push("parameters".to_string()),
+                (false, true) => changes.push("what lodlab makes of the same parameters".to_string()),
+                (false, false) => {}
+            }
         }
-        let old = |name: &String| earlier.kernels.iter().find(|(known, _)| known == name).map(|(_, hash)| hash);
-        let kernels = self
-            .kernels
-            .iter()
-            .filter(|(name, hash)| old(name) != Some(hash))
-            .map(|(name, _)| format!("kernel {name}"));
-        changes.extend(kernels);
+        changes.extend(kernels.into_iter().map(|name| format!("kernel {name}")));
+        if self.truth != earlier.truth {
+            let of = |name: String| format!("kernel {name} of the ground truth");
+            match truth_kernels.is_empty() {
+                true => changes.push("the ground truth".into()),
+                false => changes.extend(truth_kernels.into_iter().map(of)),
+            }
+        }
+        let measured = self.measures.iter().filter(|measure| !earlier.measures.contains(measure));
+        changes.extend(measured.map(|measure| format!("measure {measure}")));
+        if self.measures.len() < earlier.measures.len() {
+            changes.push("fewer measures".into());
+        }
         if self.terrain != earlier.terrain {
             changes.push("terrain".into());
         }
         if self.adapter != earlier.adapter {
             changes.push(format!("adapter (was {})", earlier.adapter));
         }
-        if self.version != earlier.version {
-            changes.push(format!("version (was {})", earlier.version));
+        if self.format != earlier.format {
+            changes.push(format!("format of records (was {})", earlier.format));
         }
         changes
     }
+}
+
+/// Files that an earlier run had with another text, or not at all.
+fn changed_kernels(kernels: &[(String, String)], earlier: &[(String, String)]) -> Vec<String> {
+    let old = |name: &String| earlier.iter().find(|(known, _)| known == name).map(|(_, hash)| hash);
+    let changed = kernels.iter().filter(|(name, hash)| old(name) != Some(hash));
+    changed.map(|(name, _)| name.clone()).collect()
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -106,6 +141,11 @@ pub struct Record {
 }
 
 impl Record {
+    /// A figure by name; `frame_ms` is that of the clock or the stamps.
+    pub fn figure(&self, name: &str) -> Option<f64> {
+        if name == "frame_ms" { self.frame_ms() } else { self.measure(name) }
+    }
+
     pub fn measure(&self, name: &str) -> Option<f64> {
         self.measures.iter().find(|measure| measure.name == name)?.value
     }
@@ -117,11 +157,7 @@ impl Record {
 
     /// Chain and settings: what the user calls this cell.
     pub fn label(&self) -> String {
-        let settings = self
-            .settings
-            .iter()
-            .map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
-        [vec![self.chain.clone()], settings.collect()].concat().join(" ")
+        crate::experiment::label(&self.chain, &self.settings)
     }
 
     fn is_same_point(&self, chain: &str, settings: &[(String, String)]) -> bool {
@@ -132,7 +168,9 @@ impl Record {
 /// The folder a run leaves its results in.
 pub struct Store {
     pub folder: PathBuf,
-    earlier: Vec<Record>,
+    earlier: BTreeMap<String, Record>,
+    /// Files that are no records, or not of this format.
+    pub unreadable: Vec<PathBuf>,
 }
 
 impl Store {
@@ -141,30 +179,47 @@ impl Store {
         fs::create_dir_all(&cells).map_err(|error| cannot_write(folder, &error))?;
         // found out now, not after the first cell's minutes
         tempfile::NamedTempFile::new_in(&cells).map_err(|error| cannot_write(folder, &error))?;
-        let mut earlier: Vec<Record> = Vec::new();
+        let (mut earlier, mut unreadable) = (BTreeMap::new(), Vec::new());
         let entries = fs::read_dir(&cells).map_err(|error| cannot_write(folder, &error))?;
         for entry in entries.flatten().filter(|entry| entry.path().extension().is_some_and(|kind| kind == "json")) {
-            // a file that does not read is not a finished cell: it is run again and written anew
             let text = fs::read_to_string(entry.path()).unwrap_or_default();
-            earlier.extend(serde_json::from_str::<Record>(&text).ok());
+            match serde_json::from_str::<Record>(&text) {
+                Ok(record) => {
+                    earlier.insert(record.hash.clone(), record);
+                }
+                // it is not a finished cell: it is run again and written anew
+                Err(_) => unreadable.push(entry.path()),
+            }
         }
-        earlier.sort_by(|a, b| a.hash.cmp(&b.hash));
-        Ok(Self { folder: folder.to_path_buf(), earlier })
+        unreadable.sort();
+        Ok(Self { folder: folder.to_path_buf(), earlier, unreadable })
     }
 
     pub fn finished(&self, hash: &str) -> Option<&Record> {
-        self.earlier.iter().find(|record| record.hash == hash)
+        self.earlier.get(hash)
     }
 
     /// Why a cell that is not finished has to run.
     pub fn reason(&self, chain: &str, settings: &[(String, String)], identity: &Identity) -> String {
-        let same = self.earlier.iter().filter(|record| record.is_same_point(chain, settings));
+        let same = self.earlier.values().filter(|record| record.is_same_point(chain, settings));
         let closest = same.map(|record| identity.changes(&record.identity)).min_by_key(Vec::len);
         match closest {
             None => "new".into(),
             Some(changes) if changes.is_empty() => "forced".into(),
             Some(changes) => format!("changed: {}", changes.join(", ")),
         }
+    }
+
+    /// The record of a cell as it is on disk now; `None` if the cell is not finished.
+    pub fn read(&self, hash: &str) -> Result<Option<Record>, Diagnostic> {
+        let path = self.folder.join(format!("cells/{hash}.json"));
+        let text = match fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Diagnostic::run(format!("cannot read `{}`: {error}", path.display()))),
+        };
+        let unreadable = |error| Diagnostic::run(format!("`{}` is no record of a cell: {error}", path.display()));
+        serde_json::from_str(&text).map(Some).map_err(unreadable)
     }
 
     pub fn save(&self, record: &Record) -> Result<(), Diagnostic> {

@@ -3,35 +3,45 @@
 use comfy_table::{CellAlignment, Table, presets};
 
 use super::Record;
+use crate::measure::{self, Column, Show};
 
-pub const HEADER: [&str; 10] =
-    ["cell", "error mean px", "rms", "p99", "max", "over %", "sky miss %", "psnr dB", "frame ms", "triangles"];
+/// What the measures of these records show, in the order of the registry: the columns that any record has a figure for.
+pub fn columns(records: &[Record]) -> Vec<&'static Column> {
+    let all = measure::REGISTRY.iter().flat_map(|info| info.columns);
+    let has_figure = |column: &&Column| records.iter().any(|record| record.figure(column.figure).is_some());
+    all.filter(has_figure).collect()
+}
+
+pub fn header(columns: &[&Column]) -> Vec<&'static str> {
+    std::iter::once("cell").chain(columns.iter().map(|column| column.heading)).collect()
+}
 
 /// One row a record; a dash is "not measured".
-pub fn rows(records: &[Record]) -> Vec<Vec<String>> {
+pub fn rows(columns: &[&Column], records: &[Record]) -> Vec<Vec<String>> {
     let row = |record: &Record| {
-        let shown = |name: &str| record.measure(name).map_or("-".into(), digits);
-        let percent = |name: &str| record.measure(name).map_or("-".into(), |share| digits(share * 100.0));
-        vec![
-            record.label(),
-            shown("error_mean"),
-            shown("error_rms"),
-            shown("error_p99"),
-            shown("error_max"),
-            percent("over_threshold"),
-            percent("silhouette_misses"),
-            if record.measure("equal_pictures") == Some(1.0) { "equal".into() } else { shown("psnr") },
-            record.frame_ms().map_or("-".into(), digits),
-            record.measure("triangles").map_or("-".into(), |count| count.to_string()),
-        ]
+        let shown = columns.iter().map(|column| shown(column, record));
+        std::iter::once(record.label()).chain(shown).collect()
     };
     records.iter().map(row).collect()
 }
 
+fn shown(column: &Column, record: &Record) -> String {
+    let value = record.figure(column.figure);
+    let number = |value: Option<f64>| value.map_or("-".into(), digits);
+    match column.show {
+        Show::Number => number(value),
+        Show::Percent => number(value.map(|share| share * 100.0)),
+        Show::Count => value.map_or("-".into(), |count| count.to_string()),
+        Show::NumberUnless(equal) if record.figure(equal) == Some(1.0) => "equal".into(),
+        Show::NumberUnless(_) => number(value),
+    }
+}
+
 pub fn table(records: &[Record]) -> String {
     let mut table = Table::new();
-    table.load_preset(presets::ASCII_MARKDOWN).set_header(HEADER);
-    table.add_rows(rows(records));
+    let columns = columns(records);
+    table.load_preset(presets::ASCII_MARKDOWN).set_header(header(&columns));
+    table.add_rows(rows(&columns, records));
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }

@@ -2,34 +2,25 @@
 
 use std::path::Path;
 
+use super::Prepared;
 use crate::experiment::diagnostic::{Diagnostic, Source};
-use crate::experiment::tree::Node;
+use crate::experiment::tree::{Kind, Node};
 use crate::experiment::{Cell, StageCall};
 use crate::gpu::{Executor, Gpu, GpuError};
-use crate::plan::{Chain, Demand, Plan, SceneData};
-use crate::stages;
-
-use super::Prepared;
-
-/// Exact distances and their shaded picture for one frame.
-#[derive(Clone, Debug)]
-pub struct TruthFrame {
-    pub distance_m: Vec<f32>,
-    pub colour: Vec<u32>,
-}
+use crate::measure::TruthFrame;
+use crate::plan::product::{Drawn, Picture};
+use crate::plan::{BufferId, Capacities, Demand, Plan};
+use crate::stages::{self, picture::shade};
 
 /// Frames are kept up to this many bytes; beyond that they are cast again when they are needed.
-const KEPT_BYTES: usize = 2 << 30;
+const MOST_BYTES: usize = 2 << 30;
 
 pub struct Truth<'a> {
     executor: Executor<'a>,
-    plan: &'a Plan,
+    distance: BufferId,
+    colour: BufferId,
     frames: Vec<Option<TruthFrame>>,
-    kept_bytes: usize,
-}
-
-pub fn wanted(cell: &Cell) -> bool {
-    ["ScreenError", "Image", "Coverage", "Mesh"].iter().any(|name| cell.wants(name))
+    bytes: usize,
 }
 
 /// The picture of the truth is shaded like the cell's own; cells that shade alike share it.
@@ -38,49 +29,52 @@ pub fn shading(cell: &Cell) -> String {
 }
 
 fn own_shade(cell: &Cell) -> Option<&StageCall> {
-    cell.stages.iter().rfind(|call| call.name == "Shade")
+    cell.stages.iter().rfind(|call| call.name == shade::INFO.name)
 }
 
 /// The chain that makes the truth: the exact ray cast, shaded like the cell shades.
-pub fn plan(data: &SceneData, prepared: &Prepared) -> Result<Plan, Diagnostic> {
+pub fn plan(prepared: &Prepared) -> Result<Plan, Diagnostic> {
     let source = Source::new("ground truth", "[HeightPyramid, RayCast, Shade]");
     let node = Node::read(&source)?;
-    let crate::experiment::tree::Kind::List(nodes) = &node.kind else {
+    let Kind::List(nodes) = &node.kind else {
         return Err(Diagnostic::run("the ground truth is a list of stages"));
     };
-    let mut chain = Chain::new("ground truth", data, &node.origin);
-    for (index, node) in nodes.iter().enumerate() {
+    let call = |node: &Node| {
         let name = node.name().unwrap_or_default().to_string();
-        let own = if name == "Shade" { own_shade(&prepared.cell).cloned() } else { None };
-        let call = own.unwrap_or(StageCall { name, node: node.clone() });
-        chain.begin_stage(&call.name, index, &call.node.origin);
-        stages::read(&call, Path::new(""))?.plan(&mut chain)?;
-    }
-    Plan::finish(chain, &Demand { outputs: vec!["distance".into(), "colour".into()], keep_everything: false })
+        let own = if name == shade::INFO.name { own_shade(&prepared.cell).cloned() } else { None };
+        own.unwrap_or(StageCall { name, node: node.clone() })
+    };
+    let calls: Vec<StageCall> = nodes.iter().map(call).collect();
+    let read = |call: &StageCall| stages::read(call, Path::new(""));
+    let made = calls.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let stated: Vec<_> = calls.iter().zip(made.iter().map(AsRef::as_ref)).collect();
+    let chain = stages::state("ground truth", &prepared.data, &node.origin, &stated, &Capacities::new())?;
+    let (drawn, picture): (Drawn<BufferId>, Picture<BufferId>) = (chain.latest()?, chain.latest()?);
+    Ok(Plan::finish(chain, &Demand { outputs: vec![drawn.distance, picture.pixels], keep_everything: false }))
 }
 
 impl<'a> Truth<'a> {
-    pub fn new(gpu: &'a Gpu, plan: &'a Plan, data: &SceneData) -> Result<Self, GpuError> {
-        let executor = Executor::new(gpu, plan, data)?;
+    pub fn new(gpu: &'a Gpu, plan: &'a Plan, prepared: &Prepared) -> Result<Self, GpuError> {
+        let [distance, colour] = plan.outputs[..] else {
+            return Err(GpuError::Plan("the ground truth has two outputs".into()));
+        };
+        let executor = Executor::new(gpu, plan, &prepared.data)?;
         executor.setup()?;
-        Ok(Self { executor, plan, frames: vec![None; plan.frames], kept_bytes: 0 })
+        Ok(Self { executor, distance, colour, frames: vec![None; plan.frames], bytes: 0 })
     }
 
     pub fn frame(&mut self, frame: usize) -> Result<TruthFrame, GpuError> {
-        if let Some(kept) = &self.frames[frame] {
-            return Ok(kept.clone());
+        if let Some(known) = &self.frames[frame] {
+            return Ok(known.clone());
         }
         self.executor.frame(frame)?;
-        let [distance, colour] = self.plan.outputs[..] else {
-            return Err(GpuError::Lost("the truth has two outputs".into()));
-        };
         let made = TruthFrame {
-            distance_m: bytemuck::pod_collect_to_vec(&self.executor.read(distance)?),
-            colour: bytemuck::pod_collect_to_vec(&self.executor.read(colour)?),
+            distance_m: bytemuck::pod_collect_to_vec(&self.executor.read(self.distance)?),
+            colour: bytemuck::pod_collect_to_vec(&self.executor.read(self.colour)?),
         };
         let bytes = 8 * made.colour.len();
-        if self.kept_bytes + bytes <= KEPT_BYTES {
-            self.kept_bytes += bytes;
+        if self.bytes + bytes <= MOST_BYTES {
+            self.bytes += bytes;
             self.frames[frame] = Some(made.clone());
         }
         Ok(made)

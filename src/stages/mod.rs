@@ -1,51 +1,81 @@
-//! The stages and their registry. A stage is three touches: its kernel file, its Rust file here, its line in
-//! [`REGISTRY`]; everything else (validation, numeric tests, benches, `lodlab stages`) loops over the registry.
+//! The stages and their registry.
+//!
+//! A stage is a folder `src/stages/ROOM/STAGE/` and a word in the list below. `mod.rs` there has the parameters, what the
+//! registry knows ([`Info`]), and the plan; `reference.rs` has the same in f64. Its kernels are `kernels/ROOM/STAGE.wgsl`, or
+//! `STAGE_PART.wgsl` if it has several. The list makes modules and registry; checks, tests, benches and `lodlab stages` loop over it.
 
-mod aspect_importance;
-mod compact;
-mod grid_error;
-mod height_pyramid;
-mod kernel;
-mod lead_rays;
-mod plane_pyramid;
-mod project;
-mod projector;
-mod rasterize;
-mod ray_cast;
-mod ray_fill;
-mod roughness;
-mod scan;
-mod shade;
-mod triangle_splitting;
-mod vertex_splitting;
-mod view_grid;
-mod warp;
+pub mod shared;
 
 use std::fmt::Debug;
+use std::path::Path;
+
+use schemars::{JsonSchema, Schema};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::experiment::StageCall;
-use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::diagnostic::{Diagnostic, Origin};
+use crate::experiment::parameters;
+use crate::experiment::scene::Surface;
 use crate::experiment::tree::Node;
-use crate::plan::{BufferId, Chain};
-use crate::reference::{Buffers, Frame};
+use crate::kernel::Kernel;
+use crate::plan::{Announced, Capacities, Chain, SceneData};
+use crate::reference::Reference;
 
-/// One step of a chain, with its parameters.
-pub trait Stage: Debug + Send + Sync {
-    /// States buffers and steps.
-    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic>;
+/// Makes the modules and the registry of one list.
+macro_rules! stages {
+    ($($room:ident: [$($stage:ident),* $(,)?]),* $(,)?) => {
+        $(pub mod $room { $(pub mod $stage;)* })*
 
-    /// Buffers it makes that the registry cannot know.
-    fn makes(&self) -> Vec<String> {
-        Vec::new()
-    }
-
-    /// The stage in f64 on the CPU, straight from its formula: reads its inputs from `buffers` and puts its
-    /// outputs there, each value with the largest difference that f32 can explain.
-    fn reference(&self, frame: &Frame, buffers: &mut Buffers);
+        /// All stages, room by room.
+        pub const REGISTRY: &[Entry] = &[
+            $($(Entry { room: stringify!($room), module: stringify!($stage), info: &$room::$stage::INFO },)*)*
+        ];
+    };
 }
 
-/// Reads a stage from its place in an experiment.
-pub type Read = fn(&Node, &std::path::Path) -> Result<Box<dyn Stage>, Diagnostic>;
+stages! {
+    pyramids: [height_pyramid, plane_pyramid],
+    grids: [view_grid, aspect_importance, warp, project, grid_error],
+    quadtree: [roughness, vertex_splitting, triangle_splitting],
+    rays: [ray_cast, lead_rays, ray_fill],
+    picture: [rasterize, shade],
+    lists: [scan, compact],
+    own: [kernel],
+}
+
+/// A stage and the room it is in.
+pub struct Entry {
+    pub room: &'static str,
+    pub module: &'static str,
+    pub info: &'static Info,
+}
+
+impl Entry {
+    /// The kernel files of the stage, as paths under `kernels/`.
+    pub fn kernels(&self) -> Vec<String> {
+        let is_own = |path: &String| {
+            let name = path.strip_prefix(self.room).and_then(|path| path.strip_prefix('/'));
+            let part = name.and_then(|name| name.strip_suffix(".wgsl")).and_then(|name| name.strip_prefix(self.module));
+            part.is_some_and(|part| part.is_empty() || part.starts_with('_'))
+        };
+        Kernel::built_in_paths().into_iter().filter(is_own).collect()
+    }
+}
+
+/// One step of a chain, with its parameters.
+pub trait Stage: Reference + Debug + Send + Sync {
+    /// States buffers, steps and products.
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic>;
+
+    /// The buffers it makes, where their names are among its parameters.
+    fn makes(&self) -> Option<Vec<String>> {
+        None
+    }
+}
+
+/// Reads a stage from its place in an experiment; the folder is the experiment's.
+pub type Read = fn(&Node, &Path) -> Result<Box<dyn Stage>, Diagnostic>;
 
 /// What the registry knows of a stage.
 pub struct Info {
@@ -54,65 +84,123 @@ pub struct Info {
     /// The formula it computes, and where that comes from.
     pub formula: &'static str,
     pub source: &'static str,
+    /// Buffers that it asks for by name.
     pub reads: &'static [&'static str],
+    /// Buffers that it makes or changes and that mean something to others.
     pub writes: &'static [&'static str],
-    pub kernels: &'static [&'static str],
-    /// Name, default and meaning of each parameter.
-    pub params: &'static [(&'static str, &'static str, &'static str)],
-    /// Reads the stage as written in an experiment; the folder is the experiment's.
+    /// Products that it needs and offers, as messages call them.
+    pub needs: &'static [&'static str],
+    pub offers: &'static [&'static str],
+    /// Buffers of `writes` that no reference has, and why.
+    pub unchecked: &'static [(&'static str, &'static str)],
+    /// What is known of its parameters; see [`parameters::describe`].
+    pub parameters: fn() -> Schema,
     pub read: Read,
+    /// Chains that end in this stage: what checks, tests and benches run.
+    pub examples: &'static [Example],
 }
 
-pub const REGISTRY: &[Info] = &[
-    height_pyramid::INFO,
-    plane_pyramid::INFO,
-    view_grid::INFO,
-    aspect_importance::INFO,
-    warp::INFO,
-    project::INFO,
-    grid_error::INFO,
-    roughness::INFO,
-    vertex_splitting::INFO,
-    triangle_splitting::INFO,
-    rasterize::INFO,
-    ray_cast::INFO,
-    lead_rays::INFO,
-    ray_fill::INFO,
-    shade::INFO,
-    scan::INFO,
-    compact::INFO,
-    kernel::INFO,
-];
-
-pub use height_pyramid::Layout;
-pub use shade::RGBA8;
-
-/// The buffers a stage of the registry writes.
-pub fn writes(name: &str) -> &'static [&'static str] {
-    REGISTRY.iter().find(|info| info.name == name).map_or(&[], |info| info.writes)
+impl Info {
+    /// Most of a registry entry is empty for most stages.
+    pub const EMPTY: Info = Info {
+        name: "",
+        summary: "",
+        formula: "",
+        source: "",
+        reads: &[],
+        writes: &[],
+        needs: &[],
+        offers: &[],
+        unchecked: &[],
+        parameters: parameters::schema::<()>,
+        read: |node, _| Err(Diagnostic::run("this stage cannot be read").at(&node.origin, "here")),
+        examples: &[],
+    };
 }
 
-/// Looks a stage up in the registry and reads its parameters.
-pub fn read(call: &StageCall, folder: &std::path::Path) -> Result<Box<dyn Stage>, Diagnostic> {
-    match REGISTRY.iter().find(|info| info.name == call.name) {
-        Some(info) => (info.read)(&call.node, folder),
-        None => Err(Diagnostic::input(format!("there is no stage `{}`", call.name))
-            .at(&call.node.origin, "unknown stage")
-            .suggest(&call.name, REGISTRY.iter().map(|info| info.name))),
+/// A chain that ends in the stage it is an example of.
+pub struct Example {
+    /// As in an experiment file.
+    pub chain: &'static str,
+    /// The surface it is for, if it refuses the other one.
+    pub only_on: Option<Surface>,
+    /// What benches change, so that the sizes are those that people use: `Stage.field` and its value.
+    pub in_benches: &'static [(&'static str, &'static str)],
+    /// Files that the chain names: their paths and texts.
+    pub files: &'static [(&'static str, &'static str)],
+}
+
+impl Example {
+    pub const fn new(chain: &'static str) -> Self {
+        Self { chain, only_on: None, in_benches: &[], files: &[] }
+    }
+
+    pub const fn only_on(self, surface: Surface) -> Self {
+        Self { only_on: Some(surface), ..self }
+    }
+
+    pub const fn in_benches(self, settings: &'static [(&'static str, &'static str)]) -> Self {
+        Self { in_benches: settings, ..self }
+    }
+
+    pub const fn with_files(self, files: &'static [(&'static str, &'static str)]) -> Self {
+        Self { files, ..self }
     }
 }
 
-/// Reads a stage whose parameters are a plain structure.
-fn read_params<S: Stage + serde::de::DeserializeOwned + 'static>(node: &Node) -> Result<Box<dyn Stage>, Diagnostic> {
-    Ok(Box::new(node.parse_fields::<S>()?))
+/// The registry's entry of a stage.
+pub fn find(name: &str) -> Option<&'static Entry> {
+    REGISTRY.iter().find(|entry| entry.info.name == name)
 }
 
-/// Number of elements of a buffer that a kernel counts in u32.
-fn elements(chain: &Chain, buffer: BufferId) -> Result<u32, Diagnostic> {
-    let buffer = chain.buffer(buffer);
-    let too_many = |_| Diagnostic::input(format!("`{}` has more elements than u32 counts", buffer.name));
-    u32::try_from(buffer.elements()).map_err(too_many).map_err(|message| message.at(chain.origin(), "this stage"))
+/// The stages that make a buffer of this name, or offer what messages call this, without having been given one.
+pub fn makers(what: &str) -> Vec<&'static str> {
+    let makes = |entry: &&Entry| {
+        let Info { reads, writes, needs, offers, .. } = entry.info;
+        writes.contains(&what) && !reads.contains(&what) || offers.contains(&what) && !needs.contains(&what)
+    };
+    REGISTRY.iter().filter(makes).map(|entry| entry.info.name).collect()
 }
 
-/// Largest relative rounding error of one f32 operation.
-const EPSILON: f64 = f32::EPSILON as f64 / 2.0;
+/// Looks a stage up in the registry and reads its parameters.
+pub fn read(call: &StageCall, folder: &Path) -> Result<Box<dyn Stage>, Diagnostic> {
+    match find(&call.name) {
+        Some(entry) => (entry.info.read)(&call.node, folder),
+        None => Err(Diagnostic::input(format!("there is no stage `{}`", call.name))
+            .at(&call.node.origin, "unknown stage")
+            .suggest(&call.name, REGISTRY.iter().map(|entry| entry.info.name))),
+    }
+}
+
+/// Reads a stage whose parameters are one structure.
+fn read_as<S>(node: &Node, _folder: &Path) -> Result<Box<dyn Stage>, Diagnostic>
+where
+    S: Stage + DeserializeOwned + Serialize + JsonSchema + 'static,
+{
+    Ok(Box::new(parameters::read::<S>(node)?))
+}
+
+/// The buffers that a stage makes.
+pub fn makes(call: &StageCall, stage: &dyn Stage) -> Vec<String> {
+    let known = find(&call.name).map_or(&[][..], |entry| entry.info.writes);
+    stage.makes().unwrap_or_else(|| known.iter().map(|name| name.to_string()).collect())
+}
+
+/// A chain whose stages have stated their steps, in order. `capacities` are of lists that overflowed before.
+pub fn state<'a>(
+    name: &str,
+    data: &'a SceneData,
+    origin: &Origin,
+    stages: &[(&StageCall, &dyn Stage)],
+    capacities: &Capacities,
+) -> Result<Chain<'a>, Diagnostic> {
+    let mut chain = Chain::new(name, data, origin).with_capacities(capacities.clone());
+    for (index, (call, stage)) in stages.iter().enumerate() {
+        let makes = |(call, stage): &(&StageCall, &dyn Stage)| (call.name.clone(), makes(call, *stage));
+        let later = stages[index + 1..].iter().map(makes).collect();
+        chain.announce(Announced { later, makers: Some(makers) });
+        chain.begin_stage(&call.name, index, &call.node.head());
+        stage.plan(&mut chain)?;
+    }
+    Ok(chain)
+}

@@ -1,7 +1,11 @@
-//! Procedural terrain: fractals of the `noise` crate over a lattice and a place that `rand` chooses from the seed.
+//! Procedural terrain: fractals of the `noise` crate over a lattice and a place that come from the seed.
+//!
+//! The same seed gives the same terrain everywhere and in every version: ChaCha with 12 rounds is a published stream, and the numbers are
+//! taken from its bits here.
 
 use noise::{Billow, Fbm, HybridMulti, MultiFractal, NoiseFn, Perlin, RidgedMulti};
-use rand::{RngExt, SeedableRng, rngs::StdRng};
+use rand::rngs::ChaCha12Rng;
+use rand::{Rng, SeedableRng};
 use rayon::prelude::*;
 
 use super::{HeightField, TerrainError};
@@ -31,9 +35,9 @@ pub fn generate(spec: &Noise) -> Result<HeightField, TerrainError> {
     if farthest.is_nan() || farthest > LARGEST_LATTICE {
         return bad(format!("the finest octave has {farthest:.1e} waves; {LARGEST_LATTICE:.0e} can be counted"));
     }
-    let mut random = StdRng::seed_from_u64(spec.seed);
+    let mut random = ChaCha12Rng::seed_from_u64(spec.seed);
     // a lattice repeats every 256 units, so a random place in it is as good as a random lattice
-    let place: [f64; 2] = [random.random_range(0.0..256.0), random.random_range(0.0..256.0)];
+    let place = [256.0 * share(&mut random), 256.0 * share(&mut random)];
     let field = noise_field(spec, &mut random);
     let (columns, rows) = spec.size;
     let (cell_x, cell_y) = spec.cell_m.xy();
@@ -50,11 +54,16 @@ pub fn generate(spec: &Noise) -> Result<HeightField, TerrainError> {
     Ok(HeightField { size: spec.size.into(), cell_m: spec.cell_m.xy().into(), heights_m: heights_m.collect() })
 }
 
-fn noise_field(spec: &Noise, random: &mut StdRng) -> Field {
+/// A number from 0 up to 1 of the 52 highest of the next 64 bits.
+fn share(random: &mut ChaCha12Rng) -> f64 {
+    (random.next_u64() >> 12) as f64 / (1u64 << 52) as f64
+}
+
+fn noise_field(spec: &Noise, random: &mut ChaCha12Rng) -> Field {
     // octaves without amplitude are left out: they cost time and add nothing
     let (octaves, persistence) =
         if spec.persistence == 0.0 { (1, 1.0) } else { (spec.octaves as usize, spec.persistence) };
-    let seed: u32 = random.random();
+    let seed = random.next_u32();
     macro_rules! fractal {
         ($kind:ident, $seed:expr) => {{
             let fractal = $kind::<Perlin>::new($seed)
@@ -72,7 +81,7 @@ fn noise_field(spec: &Noise, random: &mut StdRng) -> Field {
         NoiseKind::Hybrid => Box::new(fractal!(HybridMulti, seed)),
         NoiseKind::DomainWarped => {
             let (height, east, north) =
-                (fractal!(Fbm, seed), fractal!(Fbm, random.random()), fractal!(Fbm, random.random()));
+                (fractal!(Fbm, seed), fractal!(Fbm, random.next_u32()), fractal!(Fbm, random.next_u32()));
             let reach = spec.warp_m / spec.wavelength_m;
             Box::new(move |[x, y]| height([x + reach * east([x, y]), y + reach * north([x, y])]))
         }

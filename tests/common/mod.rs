@@ -1,8 +1,14 @@
 //! Helpers for tests that use lodlab as a user does.
 #![allow(dead_code)]
 
+pub mod bounds;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+
+use lodlab::gpu::Gpu;
+use lodlab::plan::BufferId;
+use lodlab::run::{Keep, Setup};
 
 pub const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -36,25 +42,18 @@ pub fn run(folder: &Path, arguments: &[&str]) -> Output {
     lodlab(folder).args(arguments).output().expect("the program starts")
 }
 
-/// Standard error without what drivers print on their own.
+/// Standard error.
 pub fn errors(output: &Output) -> String {
-    let text = String::from_utf8_lossy(&output.stderr);
-    let own: Vec<&str> = text.lines().filter(|line| !line.contains("XDG_RUNTIME_DIR")).collect();
-    own.join("\n")
+    String::from_utf8_lossy(&output.stderr).trim_end().to_string()
 }
 
 pub fn succeeded(output: &Output) {
     assert!(output.status.success(), "{}\n{}", String::from_utf8_lossy(&output.stdout), errors(output));
 }
 
-/// Elevation data beside the checkout, or `None` after saying that it is not there.
-pub fn shared_dem() -> Option<PathBuf> {
-    let folder = Path::new(ROOT).join("../shared/dem");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: no shared data");
-    None
+/// Elevation data beside the checkout, which need not be there: tests that want it are shown as ignored without it.
+pub fn shared_dem() -> PathBuf {
+    Path::new(ROOT).join("../shared/dem")
 }
 
 pub fn records(folder: &Path) -> Vec<serde_json::Value> {
@@ -74,35 +73,32 @@ pub struct Ran {
 
 impl Ran {
     /// Runs the chain in a folder that has the tests' kernels; `scene` is what stands between `scene: (` and `)`.
-    pub fn chain(gpu: &lodlab::gpu::Gpu, scene: &str, chain: &str) -> Self {
+    pub fn chain(gpu: &Gpu, scene: &str, chain: &str) -> Self {
         Self::frames(gpu, scene, chain).remove(0)
     }
 
     /// The same after each frame of the path.
-    pub fn frames(gpu: &lodlab::gpu::Gpu, scene: &str, chain: &str) -> Vec<Self> {
-        use lodlab::experiment::{Experiment, diagnostic::Source};
-        let text = format!("Experiment(scene: ({scene}), chains: {{\"test\": {chain}}}, measure: [Time])");
+    pub fn frames(gpu: &Gpu, scene: &str, chain: &str) -> Vec<Self> {
         let folder = Path::new(ROOT).join("tests/kernels_of_tests");
-        let experiment = Experiment::read(Source::new("test", text), folder).unwrap_or_else(|error| panic!("{error}"));
-        let prepared = lodlab::run::prepare(&experiment, &[]).unwrap_or_else(|error| panic!("{error}")).remove(0);
-        let options = lodlab::run::Options { keep_everything: true, ..Default::default() };
-        let plan = lodlab::run::plan(&prepared, &options).unwrap_or_else(|error| panic!("{error}"));
-        let executor = lodlab::gpu::Executor::new(gpu, &plan, &prepared.data).unwrap();
-        executor.setup().unwrap();
+        let setup = Setup::chain(scene, chain, &folder, Keep::Everything).unwrap_or_else(|error| panic!("{error}"));
+        let executor = setup.executor(gpu).unwrap();
         let frame = |frame: usize| {
             executor.frame(frame).unwrap();
-            let names = plan.buffers.iter().map(|buffer| buffer.name.clone());
-            let read = |name: String| {
-                let id = plan.find(&name).unwrap();
-                (name, executor.read(id).unwrap())
-            };
-            Self { buffers: names.map(read).collect() }
+            let read = |&id: &BufferId| (setup.plan.buffer(id).name.clone(), executor.read(id).unwrap());
+            Self { buffers: setup.plan.outputs.iter().map(read).collect() }
         };
-        (0..plan.frames).map(frame).collect()
+        (0..setup.plan.frames).map(frame).collect()
     }
 
     /// The last buffer of that name.
     pub fn read<T: bytemuck::Pod>(&self, name: &str) -> Vec<T> {
         bytemuck::pod_collect_to_vec(&self.buffers[name])
     }
+}
+
+/// Writes an experiment, runs it as a user does, and returns its records.
+pub fn records_of(folder: &Path, experiment: &str, extra: &[&str]) -> Vec<serde_json::Value> {
+    std::fs::write(folder.join("made.ron"), experiment).unwrap();
+    succeeded(&run(folder, &[&["run", "made.ron", "--out", "made"], extra].concat()));
+    records(&folder.join("made"))
 }

@@ -1,0 +1,221 @@
+//! Numerical check: every stage of the registry against its f64 reference, on ordinary and extreme input.
+//!
+//! Each case is a small scene, over which the registry's example chains run on the GPU with every buffer in memory of its own. Then each
+//! stage's reference is fed once with what the GPU fed its kernel (*local*: is this kernel right?) and once with the reference chain
+//! (*accumulated*: how much has the chain lost by then?).
+
+pub mod cases;
+mod known;
+
+use std::fmt;
+use std::path::Path;
+
+use cases::Case;
+
+use crate::experiment::diagnostic::Diagnostic;
+use crate::gpu::{Executor, Gpu, GpuError};
+use crate::plan::{Buffer, BufferId, Often, Plan, Storage};
+use crate::reference::{self, Buffers, Difference, Frame, Values};
+use crate::run::{Keep, Setup};
+use crate::stages::{self, Example};
+
+/// One buffer of one stage in one case.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    pub case: String,
+    pub stage: String,
+    pub buffer: String,
+    pub local: Difference,
+    pub accumulated: Difference,
+    pub verdict: Verdict,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The differences say.
+    Compared,
+    /// Nothing could be compared, and why.
+    Failed(String),
+    /// The chain is known not to run on this adapter, and why.
+    DoesNotFit(&'static str),
+}
+
+/// Share of values that may hang on a decision, in a comparison with what the GPU fed its kernel; with more, the case would say nothing.
+const MOST_UNDECIDED: f64 = 0.25;
+
+impl Outcome {
+    fn of_chain(case: &str, chain: &str, verdict: Verdict) -> Self {
+        let (local, accumulated) = Default::default();
+        Self { case: case.into(), stage: chain.into(), buffer: String::new(), local, accumulated, verdict }
+    }
+
+    pub fn passed(&self) -> bool {
+        match &self.verdict {
+            Verdict::Failed(_) => false,
+            Verdict::DoesNotFit(_) => true,
+            Verdict::Compared => {
+                let is_decided = self.local.undecided_share() <= MOST_UNDECIDED;
+                self.local.beyond == 0 && self.accumulated.beyond == 0 && is_decided
+            }
+        }
+    }
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match &self.verdict {
+            Verdict::Failed(why) => write!(f, "FAIL {:<28} {} {}: {why}", self.case, self.stage, self.buffer),
+            Verdict::DoesNotFit(why) => write!(f, "skip {:<28} {}: {why}", self.case, self.stage),
+            Verdict::Compared => write!(
+                f,
+                "{} {:<28} {:<14} {:<12} {:>7} values, {:>5} undecided; local {:.2e} ({:.2} of bound, {} beyond), accumulated {:.2e} ({} beyond, {:.0} % undecided)",
+                if self.passed() { "ok  " } else { "FAIL" },
+                self.case,
+                self.stage,
+                self.buffer,
+                self.local.compared,
+                self.local.undecided,
+                self.local.largest,
+                self.local.largest_of_bound,
+                self.local.beyond,
+                self.accumulated.largest,
+                self.accumulated.beyond,
+                self.accumulated.undecided_share() * 100.0,
+            ),
+        }
+    }
+}
+
+/// Runs all cases on one adapter.
+pub fn run(gpu: &Gpu) -> Result<Vec<Outcome>, Diagnostic> {
+    let mut outcomes = Vec::new();
+    for case in cases::cases() {
+        outcomes.extend(run_case(gpu, &case)?);
+    }
+    Ok(outcomes)
+}
+
+/// Runs the examples of a case on one adapter.
+pub fn run_case(gpu: &Gpu, case: &Case) -> Result<Vec<Outcome>, Diagnostic> {
+    let folder = tempfile::tempdir().map_err(|error| Diagnostic::run(format!("no place for example files: {error}")))?;
+    let mut outcomes = Vec::new();
+    for example in &case.examples {
+        let setup = set_up(case, example, folder.path())?;
+        let known = known::find(&gpu.summary.name, example.chain);
+        match (gpu.check_plan(&setup.plan), known) {
+            (Err(GpuError::Limit { .. }), Some(known)) => {
+                outcomes.push(Outcome::of_chain(&case.name, example.chain, Verdict::DoesNotFit(known.reason)));
+            }
+            (Err(error), _) => {
+                outcomes.push(Outcome::of_chain(&case.name, example.chain, Verdict::Failed(error.to_string())));
+            }
+            (Ok(()), Some(known)) => {
+                let why = format!("it fits, though it is listed: {}", known.reason);
+                outcomes.push(Outcome::of_chain(&case.name, example.chain, Verdict::Failed(why)));
+            }
+            (Ok(()), None) => outcomes.extend(check_chain(gpu, &setup, &case.name)?),
+        }
+    }
+    Ok(outcomes)
+}
+
+/// An example over a scene, with the files that it names.
+fn set_up(case: &Case, example: &Example, folder: &Path) -> Result<Setup, Diagnostic> {
+    for (name, text) in example.files {
+        std::fs::write(folder.join(name), text)
+            .map_err(|error| Diagnostic::run(format!("no place for example files: {error}")))?;
+    }
+    Setup::chain(&case.scene, example.chain, folder, Keep::Everything)
+}
+
+/// Walks a chain on the GPU and in f64, frame by frame.
+fn check_chain(gpu: &Gpu, setup: &Setup, case: &str) -> Result<Vec<Outcome>, Diagnostic> {
+    let (prepared, plan) = (&setup.prepared, &setup.plan);
+    let executor = setup.executor(gpu)?;
+    let mut outcomes: Vec<Outcome> = Vec::new();
+    for (number, camera) in prepared.data.cameras.iter().enumerate() {
+        let frame = Frame { data: &prepared.data, camera };
+        let mut accumulated = Buffers::of_scene(&prepared.data);
+        let mut local = Buffers::of_scene(&prepared.data);
+        for (index, (stage, call)) in prepared.stages.iter().zip(&prepared.cell.stages).enumerate() {
+            let walked = stage.reference(&frame, &mut accumulated).and_then(|()| stage.reference(&frame, &mut local));
+            if let Err(absent) = walked {
+                outcomes.push(Outcome::of_chain(case, &call.name, Verdict::Failed(absent.to_string())));
+                return Ok(outcomes);
+            }
+            let compared = stages::makes(call, stage.as_ref());
+            let unchecked = stages::find(&call.name).map_or(&[][..], |entry| entry.info.unchecked);
+            // read before a later stage makes a buffer of the same name, or changes this one in place
+            for id in run_stage(&executor, plan, index, number)? {
+                let name = &plan.buffer(id).name;
+                if compared.contains(name) && unchecked.iter().all(|(other, _)| other != name) {
+                    let values = read(&executor, plan, id)?;
+                    merge(&mut outcomes, compare(case, &call.name, name, values, &mut local, &accumulated));
+                }
+            }
+        }
+    }
+    Ok(outcomes)
+}
+
+/// Holds what the GPU left in a buffer to both references, and puts it where the next stage's local reference finds it.
+fn compare(
+    case: &str,
+    stage: &str,
+    buffer: &str,
+    values: Values,
+    local: &mut Buffers,
+    accumulated: &Buffers,
+) -> Outcome {
+    let mut outcome = Outcome { buffer: buffer.into(), ..Outcome::of_chain(case, stage, Verdict::Compared) };
+    let (Some(id), Ok(by_chain)) = (local.find(buffer), accumulated.get(buffer)) else {
+        outcome.verdict = Verdict::Failed("its reference does not make this buffer".into());
+        return outcome;
+    };
+    let by_input = local.values(id);
+    outcome.local = reference::compare(&values.value, &by_input);
+    outcome.accumulated = reference::compare(&values.value, &by_chain);
+    local.replace(id, without_gaps(values, &by_input));
+    outcome
+}
+
+/// Runs the steps of one stage for one frame; the buffers it wrote, now or once.
+fn run_stage(executor: &Executor, plan: &Plan, index: usize, frame: usize) -> Result<Vec<BufferId>, Diagnostic> {
+    let mut written = Vec::new();
+    for (at, step) in plan.steps.iter().enumerate().filter(|(_, step)| step.stage_index == index) {
+        if step.often == Often::EveryFrame {
+            executor.step(at, frame)?;
+        }
+        let new: Vec<BufferId> = step.writes.iter().filter(|id| !written.contains(*id)).copied().collect();
+        written.extend(new);
+    }
+    // of several with one name, the last is what the stage leaves
+    let is_last =
+        |at: usize| written[at + 1..].iter().all(|&later| plan.buffer(later).name != plan.buffer(written[at]).name);
+    let left = (0..written.len()).filter(|&at| plan.buffer(written[at]).storage == Storage::Buffer && is_last(at));
+    Ok(left.map(|at| written[at]).collect())
+}
+
+/// GPU values, with nothing where the reference has a gap (a level that is not made): the memory there holds anything.
+fn without_gaps(mut values: Values, reference: &Values) -> Values {
+    let gaps = reference.value.iter().zip(&reference.bound).map(|(value, bound)| value.is_nan() && *bound == 0.0);
+    values.value.iter_mut().zip(gaps).filter(|(_, gap)| *gap).for_each(|(value, _)| *value = f64::NAN);
+    values
+}
+
+/// Frames of a case are one line: the worst of them.
+fn merge(outcomes: &mut Vec<Outcome>, outcome: Outcome) {
+    let same = outcomes.iter_mut().find(|known| known.stage == outcome.stage && known.buffer == outcome.buffer);
+    let Some(known) = same else { return outcomes.push(outcome) };
+    known.local.merge(&outcome.local);
+    known.accumulated.merge(&outcome.accumulated);
+    if known.verdict == Verdict::Compared {
+        known.verdict = outcome.verdict;
+    }
+}
+
+/// A GPU buffer in f64, unpacked, NaN where there is no surface.
+fn read(executor: &Executor, plan: &Plan, id: BufferId) -> Result<Values, Diagnostic> {
+    let buffer: &Buffer = plan.buffer(id);
+    Ok(Values::exact(&buffer.dims, buffer.components(), buffer.values(&executor.read(id)?)))
+}

@@ -1,0 +1,30 @@
+//! The kernels that come with lodlab: each is assembled, parsed and validated once a process.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use super::{Kernel, assemble};
+use crate::experiment::diagnostic::{Diagnostic, Source};
+
+static KNOWN: OnceLock<Mutex<HashMap<String, Arc<Kernel>>>> = OnceLock::new();
+
+impl Kernel {
+    /// One of the kernels that come with lodlab by its path under `kernels/`, for example `rays/ray_cast.wgsl`.
+    pub fn built_in(path: &str) -> Result<Arc<Kernel>, Diagnostic> {
+        // a thread that failed while it held the lock has left whole kernels only
+        let mut known = KNOWN.get_or_init(Default::default).lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = known.get(path) {
+            return Ok(kernel.clone());
+        }
+        let text = assemble::built_in_text(path)
+            .ok_or_else(|| Diagnostic::run(format!("lodlab has no kernel file `{path}`")))?;
+        let kernel = Self::from_source(Source::new(format!("kernels/{path}"), text), true)?;
+        known.insert(path.to_string(), kernel.clone());
+        Ok(kernel)
+    }
+
+    /// The paths of all kernel files that come with lodlab, by room; libraries are not among them.
+    pub fn built_in_paths() -> Vec<String> {
+        assemble::built_in_paths()
+    }
+}

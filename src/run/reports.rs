@@ -1,0 +1,32 @@
+//! What a run leaves besides its cells: table data, plot and page.
+
+use super::cell;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::report::html::{self, Pictures};
+use crate::report::pareto;
+use crate::report::records::{self, Record, Store};
+
+pub fn write(title: &str, store: &Store, records: &[Record]) -> Result<(), Diagnostic> {
+    let csv = records::csv(records).map_err(|error| Diagnostic::run(format!("records.csv cannot be made: {error}")))?;
+    store.write("records.csv", &csv)?;
+    let json = serde_json::to_vec_pretty(records)
+        .map_err(|error| Diagnostic::run(format!("records.json cannot be made: {error}")))?;
+    store.write("records.json", &json)?;
+    let plot = pareto::svg(title, records)?;
+    match &plot {
+        Some(svg) => store.write("pareto.svg", svg.as_bytes())?,
+        None => store.remove("pareto.svg"),
+    }
+    let picture =
+        |record: &Record, kind: &str| std::fs::read(store.folder.join(cell::picture_name(&record.hash, kind))).ok();
+    let pictures: Vec<Pictures> = records
+        .iter()
+        .map(|record| Pictures {
+            label: record.label(),
+            image: picture(record, "image"),
+            error: picture(record, "error"),
+        })
+        .filter(|pictures| pictures.image.is_some() || pictures.error.is_some())
+        .collect();
+    store.write("report.html", html::page(title, records, plot.as_deref(), &pictures).as_bytes())
+}

@@ -1,0 +1,163 @@
+//! From the text of an experiment to something that runs: cells with their stages, measures and terrain, and their plans.
+//! Runs, ground truth, checks, tests and benches all set up here.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::Options;
+use crate::experiment::diagnostic::{Diagnostic, Source};
+use crate::experiment::scene::Scene;
+use crate::experiment::sweep::Setting;
+use crate::experiment::{Cell, Experiment, StageCall};
+use crate::gpu::{Executor, Gpu, GpuError};
+use crate::measure::{self, Chosen};
+use crate::plan::{BufferId, Capacities, Chain, Demand, Plan, SceneData};
+use crate::stages::{self, Stage};
+use crate::terrain::HeightField;
+
+/// A cell with its stages and measures read and its terrain in memory.
+pub struct Prepared {
+    pub cell: Cell,
+    pub stages: Vec<Box<dyn Stage>>,
+    pub measures: Vec<Chosen>,
+    pub data: Arc<SceneData>,
+}
+
+/// Reads all cells of an experiment as far as it goes without a device: every mistake in the file shows here.
+pub fn prepare(experiment: &Experiment, settings: &[Setting]) -> Result<Vec<Prepared>, Diagnostic> {
+    let mut terrains: BTreeMap<String, Arc<HeightField>> = BTreeMap::new();
+    let mut scenes: BTreeMap<String, Arc<SceneData>> = BTreeMap::new();
+    let mut prepared = Vec::new();
+    for cell in experiment.cells(settings)? {
+        let read = |call| stages::read(call, &experiment.folder);
+        let stages = cell.stages.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+        let measures = cell.measures.iter().map(measure::read).collect::<Result<Vec<_>, _>>()?;
+        let key = scene_key(&cell.scene);
+        let data = match scenes.get(&key) {
+            Some(data) => data.clone(),
+            None => {
+                let data = Arc::new(load_scene(&cell, &experiment.folder, &mut terrains)?);
+                scenes.insert(key, data.clone());
+                data
+            }
+        };
+        prepared.push(Prepared { cell, stages, measures, data });
+    }
+    Ok(prepared)
+}
+
+/// Scenes with the same key are the same.
+fn scene_key(scene: &Scene) -> String {
+    // JSON would write every number that is none as the same null
+    format!("{scene:?}")
+}
+
+fn load_scene(
+    cell: &Cell,
+    folder: &Path,
+    terrains: &mut BTreeMap<String, Arc<HeightField>>,
+) -> Result<SceneData, Diagnostic> {
+    let key = format!("{:?}", cell.scene.terrain);
+    let terrain = match terrains.get(&key) {
+        Some(terrain) => terrain.clone(),
+        None => {
+            let loaded = HeightField::load(&cell.scene.terrain, folder).map_err(|error| {
+                let place = cell.scene_node.field("terrain").unwrap_or(&cell.scene_node);
+                let field = error.field().and_then(|field| place.field(field));
+                let diagnostic = Diagnostic::input(error.to_string()).at(&field.unwrap_or(place).head(), "here");
+                Diagnostic { help: error.help().map(str::to_string), ..diagnostic }
+            })?;
+            let loaded = Arc::new(loaded);
+            terrains.insert(key, loaded.clone());
+            loaded
+        }
+    };
+    let data = SceneData::new(cell.scene.clone(), terrain);
+    let path = cell.scene_node.field("camera").unwrap_or(&cell.scene_node).head();
+    if !data.cameras.iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
+        return Err(Diagnostic::input("the camera path has a place that is not a number").at(&path, "this path"));
+    }
+    Ok(data)
+}
+
+impl Prepared {
+    /// The chain with all of its stages stated.
+    pub fn chain(&self, capacities: &Capacities) -> Result<Chain<'_>, Diagnostic> {
+        let stages: Vec<(&StageCall, &dyn Stage)> =
+            self.cell.stages.iter().zip(self.stages.iter().map(AsRef::as_ref)).collect();
+        stages::state(&self.cell.chain, &self.data, &self.cell.scene_node.origin, &stages, capacities)
+    }
+
+    /// The plan for what is measured and what is to be dumped. `capacities` are of lists that turned out to be too short.
+    pub fn plan(&self, options: &Options, capacities: &Capacities) -> Result<Plan, Diagnostic> {
+        let mut chain = self.chain(capacities)?;
+        let mut outputs: Vec<BufferId> = Vec::new();
+        for (call, chosen) in self.cell.measures.iter().zip(&self.measures) {
+            chain.begin_stage(&call.name, self.stages.len(), &call.node.head());
+            outputs.extend(chosen.measure.needs(&chain).map_err(|error| error.or_at(&call.node.head(), "measured here"))?);
+        }
+        // with only the clock looked at, what the chain is for is what its last step makes
+        if outputs.is_empty() {
+            outputs.extend(chain.last_made());
+        }
+        outputs.extend(options.dump.iter().filter_map(|name| chain.find(name)));
+        Ok(Plan::finish(chain, &Demand { outputs, keep_everything: options.keep_everything }))
+    }
+
+    pub fn wants_truth(&self) -> bool {
+        self.measures.iter().any(|chosen| chosen.measure.wants_truth())
+    }
+}
+
+/// Plans a cell for what it measures and what is to be dumped.
+pub fn plan(prepared: &Prepared, options: &Options) -> Result<Plan, Diagnostic> {
+    prepared.plan(options, &Capacities::new())
+}
+
+/// What a plan made by [`Setup::chain`] leaves readable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// What the chain's last step makes.
+    Last,
+    /// Every buffer, each in memory of its own.
+    Everything,
+}
+
+/// One chain, planned: what checks, tests and benches run.
+pub struct Setup {
+    pub prepared: Prepared,
+    pub plan: Plan,
+}
+
+impl Setup {
+    /// A chain over a scene, both as in an experiment file: `scene` is what stands between `scene: (` and `)`, `chain` a list of
+    /// stages. Files that they name are relative to `folder`.
+    pub fn chain(scene: &str, chain: &str, folder: &Path, keep: Keep) -> Result<Self, Diagnostic> {
+        let text = format!("Experiment(scene: ({scene}), chains: {{\"chain\": {chain}}}, measure: [Time])");
+        Self::first(text, folder.to_path_buf(), &[], keep)
+    }
+
+    /// The first cell of an experiment.
+    pub fn first(text: String, folder: PathBuf, settings: &[Setting], keep: Keep) -> Result<Self, Diagnostic> {
+        let experiment = Experiment::read(Source::new("setup", text), folder)?;
+        let prepared = prepare(&experiment, settings)?.into_iter().next();
+        let prepared = prepared.ok_or_else(|| Diagnostic::input("this experiment has no cell"))?;
+        let plan = match keep {
+            Keep::Last => plan(&prepared, &Options::default())?,
+            Keep::Everything => {
+                let chain = prepared.chain(&Capacities::new())?;
+                let outputs = chain.made();
+                Plan::finish(chain, &Demand { outputs, keep_everything: true })
+            }
+        };
+        Ok(Self { prepared, plan })
+    }
+
+    /// On a device, with what runs once done.
+    pub fn executor<'a>(&'a self, gpu: &'a Gpu) -> Result<Executor<'a>, GpuError> {
+        let executor = Executor::new(gpu, &self.plan, &self.prepared.data)?;
+        executor.setup()?;
+        Ok(executor)
+    }
+}

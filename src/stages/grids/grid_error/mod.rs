@@ -1,0 +1,113 @@
+mod paper;
+mod proven;
+mod reference;
+
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::experiment::scene::Surface;
+use crate::kernel::{Elem, Kernel};
+use crate::plan::product::{Mesh, PointErrors, what};
+use crate::plan::{BufferId, Chain, StepBuilder};
+use crate::stages::shared::pyramid::bounds_layout;
+use crate::stages::{Example, Info, Stage, read_as};
+
+pub const INFO: Info = Info {
+    name: "GridError",
+    summary: "the error of a projected grid: estimated at its points (Paper), or bounded with the grid raised above the surface (Proven)",
+    formula: "delta = max(h_max - h_avg, h_avg - h_min); rho = lambda delta / |p - e|; error = 0 if rho < gamma, else 1 - gamma / rho",
+    source: "Loeffler et al. 2009, Eq. 2, 3, 4 and the displacement by the maximum; Proven is ours: docs/proven_bound.md",
+    reads: &["height", "height_max", "height_min", "height_plane", "plane_slope"],
+    writes: &["vertex", "grid_error", "cell_bound", "cell_raise"],
+    needs: &[what::<Mesh<()>>()],
+    offers: &[what::<Mesh<()>>(), what::<PointErrors<()>>()],
+    parameters: schema::<GridError>,
+    read: read_as::<GridError>,
+    examples: &[
+        Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project, GridError(threshold_px: 0.5)]")
+            .in_benches(&[("ViewGrid.size", "(512, 384)")]),
+        Example::new(
+            "[HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), Project(filter: Finest), GridError(rule: Proven, threshold_px: 2)]",
+        )
+        .in_benches(&[("ViewGrid.size", "(96, 72)")]),
+    ],
+    ..Info::EMPTY
+};
+
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct GridError {
+    /// what is known of the error
+    rule: Rule,
+    /// the error that the mesh is allowed, gamma
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    threshold_px: f64,
+}
+
+impl Default for GridError {
+    fn default() -> Self {
+        Self { rule: Rule::Paper, threshold_px: 1.0 }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+enum Rule {
+    /// estimates at grid points from the minimum and maximum pyramids
+    Paper,
+    /// bounds over whole cells
+    Proven,
+}
+
+impl Stage for GridError {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let Mesh::Grid(grid) = chain.latest()? else {
+            return Err(Diagnostic::input("`GridError` needs a grid, and the mesh here is a list of triangles")
+                .at(chain.origin(), "this stage")
+                .help("`Project` makes a grid"));
+        };
+        if grid.promise.is_some() {
+            return Err(
+                Diagnostic::input("these vertices have their error already").at(chain.origin(), "a second time")
+            );
+        }
+        let size = chain.grid_size(grid.vertex, Elem::Vec4F32)?;
+        let samples = chain.data.terrain.size;
+        let height = chain.read_as("height", Elem::F32, &[samples.y, samples.x])?;
+        let inputs = Inputs { vertices: grid.vertex, size, height };
+        match self.rule {
+            Rule::Paper => paper::plan(chain, inputs, self.threshold_px),
+            Rule::Proven => proven::plan(chain, inputs, self.threshold_px),
+        }
+    }
+}
+
+/// What both rules look at.
+#[derive(Clone, Copy)]
+struct Inputs {
+    vertices: BufferId,
+    /// Columns and rows of vertices.
+    size: UVec2,
+    height: BufferId,
+}
+
+impl Inputs {
+    /// A step with what the kernels of both rules are told.
+    fn step<'c, 'a>(&self, chain: &'c mut Chain<'a>, file: &str, entry: &str) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let layout = bounds_layout(chain.data.terrain.size);
+        let kernel = Kernel::built_in(file)?;
+        Ok(chain
+            .step(entry, &kernel, entry)
+            .bind("vertex", self.vertices)
+            .set_terrain()
+            .set("grid", self.size.to_array())
+            .set("stride", layout.stride)
+            .set("tall", layout.tall_pow2))
+    }
+
+    fn is_bilinear(chain: &Chain) -> f64 {
+        f64::from(chain.data.scene.surface == Surface::Bilinear)
+    }
+}

@@ -1,0 +1,288 @@
+use glam::{DVec2, UVec2};
+
+use super::Warp;
+use crate::reference::{Absent, Buffers, Frame, Reference, Values};
+use crate::stages::shared::rounding::EPSILON;
+
+impl Reference for Warp {
+    fn reference(&self, _frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
+        let importance = Map::of(buffers.get("importance")?.as_ref());
+        let mut map = importance.identity();
+        let mut last = None;
+        for _ in 0..self.rounds {
+            let resampled = importance.resampled(&map);
+            let rows: Vec<Line> = (0..resampled.size.y).map(|row| self.line(&resampled.row(row))).collect();
+            let columns: Vec<Line> =
+                (0..resampled.size.x).map(|column| self.line(&resampled.warped_column(column, &rows))).collect();
+            map = map.composed(&rows, &columns);
+            last = Some((rows, columns));
+        }
+        let share = map.convex_share();
+        if let Some((rows, columns)) = last {
+            buffers.put("warp_rows", lines(&rows));
+            buffers.put("warp_columns", lines(&columns));
+        }
+        buffers.put("warp_map", map.values());
+        let points = buffers.get("grid_point")?;
+        let mut warped = Values::missing(&points.dims, 2);
+        for at in (0..points.value.len()).step_by(2) {
+            let place = DVec2::new(points.value[at], points.value[at + 1]);
+            let (goal, off) = map.at(place);
+            let off = off + 8.0 * EPSILON + map.steepest() * points.bound[at].max(points.bound[at + 1]);
+            let there = place + (goal - place) * share.0;
+            warped.set(at, there.x, off + share.1 * (goal.x - place.x).abs());
+            warped.set(at + 1, there.y, off + share.1 * (goal.y - place.y).abs());
+        }
+        buffers.put("grid_point", warped);
+        Ok(())
+    }
+}
+
+impl Warp {
+    /// The warp of one line of weights (value, bound).
+    fn line(&self, weights: &[(f64, f64)]) -> Line {
+        let share = self.uniform_share;
+        let sum = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>();
+        let total = sum(&mut weights.iter().map(|(weight, _)| *weight));
+        let count = weights.len();
+        let even = |i: usize| i as f64 / count as f64;
+        if total == 0.0 {
+            return Line { places: (0..=count).map(|i| (even(i), 2.0 * EPSILON)).collect() };
+        }
+        let mean = total / count as f64;
+        let mixed: Vec<f64> = weights.iter().map(|(weight, _)| weight + (mean - weight) * share).collect();
+        let mut sums = vec![0.0];
+        mixed.iter().for_each(|weight| sums.push(sums[sums.len() - 1] + weight));
+        // the weights' own bounds; then what f32 does to the total, to each share of it and to each sum: the sums are
+        // compensated, so it does not grow with their number, but each weight has been divided by the largest one and mixed
+        let off = sum(&mut weights.iter().map(|(_, bound)| *bound)) + 16.0 * EPSILON * total;
+        let place = |wanted: f64| {
+            let wanted = wanted.clamp(0.0, total);
+            let k = sums[1..].partition_point(|&sum| sum < wanted).min(count - 1);
+            let part = if mixed[k] > 0.0 { ((wanted - sums[k]) / mixed[k]).clamp(0.0, 1.0) } else { 0.0 };
+            (k as f64 + part) / count as f64
+        };
+        let place_and_bound = |i: usize| {
+            if i == 0 || i == count {
+                return (even(i), 0.0);
+            }
+            let wanted = total * even(i);
+            let (low, high) = (place(wanted - off), place(wanted + off));
+            let here = place(wanted).clamp(low, high);
+            (here, (here - low).max(high - here) + 8.0 * EPSILON)
+        };
+        Line { places: (0..=count).map(place_and_bound).collect() }
+    }
+}
+
+/// Where the borders of a line's cells go, and the bound of each.
+struct Line {
+    places: Vec<(f64, f64)>,
+}
+
+fn lines(all: &[Line]) -> Values {
+    let mut values = Values::missing(&[all.len() as u32, all[0].places.len() as u32], 1);
+    let places = all.iter().flat_map(|line| &line.places);
+    places.enumerate().for_each(|(at, &(value, bound))| values.set(at, value, bound));
+    values
+}
+
+fn mix((a, off_a): (f64, f64), (b, off_b): (f64, f64), w: f64) -> (f64, f64) {
+    (a + (b - a) * w, off_a.max(off_b))
+}
+
+/// The importance map.
+struct Map {
+    size: UVec2,
+    weights: Vec<(f64, f64)>,
+}
+
+impl Map {
+    /// NaN, negative numbers and what f32 may flush to zero are no importance.
+    fn of(values: &Values) -> Self {
+        let weight = |(&value, &bound): (&f64, &f64)| {
+            let normal = value >= f64::from(f32::MIN_POSITIVE);
+            if normal { (value.min(3e38), bound) } else { (0.0, if bound > 0.0 { bound } else { 0.0 }) }
+        };
+        let weights = values.value.iter().zip(&values.bound).map(weight).collect();
+        Self { size: UVec2::new(values.dims[1], values.dims[0]), weights }
+    }
+
+    fn identity(&self) -> Corners {
+        let corner = |(y, x): (u32, u32)| (DVec2::new(x.into(), y.into()) / self.size.as_dvec2(), 0.0);
+        let places = (0..=self.size.y).flat_map(|y| (0..=self.size.x).map(move |x| (y, x)));
+        Corners { size: self.size, corners: places.map(corner).collect() }
+    }
+
+    fn weight(&self, x: u32, y: u32) -> (f64, f64) {
+        self.weights[(y * self.size.x + x) as usize]
+    }
+
+    /// Bilinear between the middles of cells, and how much that changes within `off` of a place.
+    fn sample(&self, place: DVec2, off: f64) -> (f64, f64) {
+        let last = (self.size - 1).as_dvec2();
+        let at = (place * self.size.as_dvec2() - 0.5).clamp(DVec2::ZERO, last);
+        let low = at.floor().as_uvec2();
+        let high = (low + 1).min(self.size - 1);
+        let w = at - low.as_dvec2();
+        let north = mix(self.weight(low.x, low.y), self.weight(high.x, low.y), w.x);
+        let south = mix(self.weight(low.x, high.y), self.weight(high.x, high.y), w.x);
+        let (value, bound) = mix(north, south, w.y);
+        // over `off` the value moves between those of the cells that it may be in
+        let (mut least, mut most) = (value, value);
+        let reach = (off * self.size.max_element() as f64).ceil().min(8192.0) as i64;
+        for y in i64::from(low.y) - reach..=i64::from(high.y) + reach {
+            for x in i64::from(low.x) - reach..=i64::from(high.x) + reach {
+                let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as u32;
+                let (near, _) = self.weight(inside(x, self.size.x), inside(y, self.size.y));
+                (least, most) = (least.min(near), most.max(near));
+            }
+        }
+        let cells = off * f64::from(self.size.max_element());
+        let slope = (most - least) * (2.0 * cells).min(1.0);
+        (value, bound + slope + 8.0 * EPSILON * (value + (most - least)))
+    }
+
+    /// The importance where earlier rounds have put each cell.
+    fn resampled(&self, map: &Corners) -> Map {
+        let middle = |(y, x): (u32, u32)| {
+            let place = (DVec2::new(x.into(), y.into()) + 0.5) / self.size.as_dvec2();
+            let (there, off) = map.at(place);
+            self.sample(there, off)
+        };
+        let places = (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (y, x)));
+        Map { size: self.size, weights: places.map(middle).collect() }
+    }
+
+    fn row(&self, row: u32) -> Vec<(f64, f64)> {
+        (0..self.size.x).map(|x| self.weight(x, row)).collect()
+    }
+
+    /// The importance down a column after the rows' warps.
+    fn warped_column(&self, column: u32, rows: &[Line]) -> Vec<(f64, f64)> {
+        let weight = |(y, row): (usize, &Line)| {
+            let (a, b) = (row.places[column as usize], row.places[column as usize + 1]);
+            let middle = DVec2::new(0.5 * (a.0 + b.0), (y as f64 + 0.5) / f64::from(self.size.y));
+            let line = Map { size: UVec2::new(self.size.x, 1), weights: self.row(y as u32) };
+            line.sample(DVec2::new(middle.x, 0.5), a.1.max(b.1))
+        };
+        rows.iter().enumerate().map(weight).collect()
+    }
+}
+
+/// Where the corners of the map's cells go.
+struct Corners {
+    size: UVec2,
+    corners: Vec<(DVec2, f64)>,
+}
+
+impl Corners {
+    fn values(&self) -> Values {
+        let mut values = Values::missing(&[self.size.y + 1, self.size.x + 1], 2);
+        for (at, (place, off)) in self.corners.iter().enumerate() {
+            values.set(2 * at, place.x, *off);
+            values.set(2 * at + 1, place.y, *off);
+        }
+        values
+    }
+
+    fn corner(&self, x: u32, y: u32) -> (DVec2, f64) {
+        self.corners[(y * (self.size.x + 1) + x) as usize]
+    }
+
+    fn at(&self, place: DVec2) -> (DVec2, f64) {
+        let at = place.clamp(DVec2::ZERO, DVec2::ONE) * self.size.as_dvec2();
+        let low = at.floor().as_uvec2().min(self.size - 1);
+        let w = at - low.as_dvec2();
+        let known = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| self.corner(low.x + x, low.y + y));
+        let north = known[0].0.lerp(known[1].0, w.x);
+        let south = known[2].0.lerp(known[3].0, w.x);
+        (north.lerp(south, w.y), known.iter().map(|(_, off)| *off).fold(0.0, f64::max) + 8.0 * EPSILON)
+    }
+
+    /// Largest change of a place for a change of 1 in where it came from.
+    fn steepest(&self) -> f64 {
+        let cells = (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (x, y)));
+        let edge = |(x, y): (u32, u32)| {
+            let here = self.corner(x, y).0;
+            let along = (self.corner(x + 1, y).0 - here) * f64::from(self.size.x);
+            let down = (self.corner(x, y + 1).0 - here) * f64::from(self.size.y);
+            along.length() + down.length()
+        };
+        cells.map(edge).fold(1.0, f64::max)
+    }
+
+    fn composed(&self, rows: &[Line], columns: &[Line]) -> Corners {
+        let corner = |(y, x): (u32, u32)| {
+            let (west, east) = (x.max(1) - 1, x.min(self.size.x - 1));
+            let down = mix(columns[west as usize].places[y as usize], columns[east as usize].places[y as usize], 0.5);
+            let place = (down.0 * f64::from(self.size.y) - 0.5).clamp(0.0, f64::from(self.size.y - 1));
+            let north = place.floor() as usize;
+            let south = (north + 1).min(rows.len() - 1);
+            let (a, b) = (rows[north].places[x as usize], rows[south].places[x as usize]);
+            let along = mix(a, b, place - north as f64);
+            // the row it comes to is off by what the column is off by
+            let slant = down.1 * f64::from(self.size.y) * self.slant(rows, x as usize, place, down.1);
+            let off = along.1 + slant + down.1 + 8.0 * EPSILON;
+            let (there, before) = self.at(DVec2::new(along.0, down.0));
+            (there, before + off * self.steepest())
+        };
+        let places = (0..=self.size.y).flat_map(|y| (0..=self.size.x).map(move |x| (y, x)));
+        Corners { size: self.size, corners: places.map(corner).collect() }
+    }
+
+    /// Largest difference between neighbouring rows at a column border, over the rows that a place may be in.
+    fn slant(&self, rows: &[Line], x: usize, place: f64, off: f64) -> f64 {
+        let reach = (off * f64::from(self.size.y)).ceil().min(8192.0) as usize + 1;
+        let first = (place as usize).saturating_sub(reach);
+        let last = (place as usize + reach + 1).min(rows.len() - 1);
+        rows[first..=last].windows(2).map(|pair| (pair[0].places[x].0 - pair[1].places[x].0).abs()).fold(0.0, f64::max)
+    }
+
+    /// How much of the warp keeps every corner of every cell turning the same way, with a bound.
+    fn convex_share(&self) -> (f64, f64) {
+        let moved = |x: u32, y: u32| {
+            let (place, off) = self.corner(x, y);
+            (place * self.size.as_dvec2() - DVec2::new(x.into(), y.into()), off)
+        };
+        let (mut share, mut low, mut high) = (1.0f64, 1.0f64, 1.0f64);
+        for (y, x) in (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (y, x))) {
+            let (nw, ne, sw, se) = (moved(x, y), moved(x + 1, y), moved(x, y + 1), moved(x + 1, y + 1));
+            let off = [nw.1, ne.1, sw.1, se.1].into_iter().fold(0.0, f64::max) * f64::from(self.size.max_element());
+            for along in [ne.0 - nw.0, se.0 - sw.0] {
+                for down in [sw.0 - nw.0, se.0 - ne.0] {
+                    // edges of up to `longest` cells, each off by twice a corner
+                    let longest = 1.0 + along.length().max(down.length());
+                    let slack = 8.0 * (off + 16.0 * EPSILON * f64::from(self.size.max_element())) * longest;
+                    let until = |least: f64| convex_until(along, down, least);
+                    share = share.min(until(0.01));
+                    low = low.min(until(0.01 + slack));
+                    high = high.min(until(0.01 - slack));
+                }
+            }
+        }
+        let shrink = |share: f64| if share < 1.0 { 0.999 * share } else { 1.0 };
+        (shrink(share), (shrink(share) - shrink(low)).max(shrink(high) - shrink(share)) + 1e-6)
+    }
+}
+
+/// Smallest t in (0, 1) at which the parallelogram of (1, 0) + t along and (0, 1) + t down has the area `least`; 1 if none.
+fn convex_until(along: DVec2, down: DVec2, least: f64) -> f64 {
+    let (a, b, c) = (along.perp_dot(down), along.x + down.y, 1.0 - least);
+    if c <= 0.0 {
+        return 0.0;
+    }
+    let area = |t: f64| c + b * t + a * t * t;
+    let turn = if a > 0.0 { (-b / (2.0 * a)).clamp(0.0, 1.0) } else { 1.0 };
+    let lowest = if area(turn) <= 0.0 { turn } else { 1.0 };
+    if area(lowest) > 0.0 {
+        return 1.0;
+    }
+    // area falls from c > 0 to there
+    let (mut low, mut high) = (0.0, lowest);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if area(middle) > 0.0 { low = middle } else { high = middle }
+    }
+    low
+}

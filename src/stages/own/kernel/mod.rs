@@ -1,0 +1,274 @@
+mod offer;
+mod read;
+mod reference;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::diagnostic::{Diagnostic, Origin};
+use crate::experiment::parameters::schema;
+use crate::experiment::tree::{Kind, Node};
+use crate::kernel::{Elem, FieldKind, Kernel as Wgsl};
+use crate::plan::{BufferId, Chain, Value};
+use crate::stages::{Example, Info, Stage};
+use offer::Offered;
+use read::structures;
+
+pub const INFO: Info = Info {
+    name: "Kernel",
+    summary: "a WGSL kernel of your own, with no Rust",
+    formula: "yours",
+    source: "bindings by variable name; parameters by field name; `camera`, `terrain` and `size` are filled in if the kernel has them",
+    parameters: schema::<Fields>,
+    read: read::read,
+    examples: &[
+        Example::new(
+            "[Kernel(file: \"curvature.wgsl\", bind: {\"src\": \"height\", \"dst\": New(name: \"curvature\", of: F32, like: \"height\")}, \
+             params: (scale: 2.5), over: \"curvature\")]",
+        )
+        .with_files(&[("curvature.wgsl", CURVATURE)]),
+        Example::new(
+            "[Kernel(file: \"smooth.wgsl\", bind: {\"src\": \"height\", \"dst\": New(name: \"smooth\", of: F32, like: \"height\")}, \
+             over: \"smooth\", repeat: 3, ping_pong: (\"src\", \"dst\"))]",
+        )
+        .with_files(&[("smooth.wgsl", SMOOTH)]),
+    ],
+    ..Info::EMPTY
+};
+
+/// The kernels that ship as examples; their formulas are known to the reference.
+const CURVATURE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/kernels/curvature.wgsl"));
+const SMOOTH: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/kernels/smooth.wgsl"));
+
+/// The fields as they are documented; `read` takes them one by one, to say where a mistake is.
+#[derive(Serialize, JsonSchema)]
+struct Fields {
+    /// WGSL file, relative to the experiment
+    file: String,
+    /// entry point
+    #[serde(default = "main_entry")]
+    entry: String,
+    /// map from WGSL variables to buffers: "name", or New(name: .., of: F32, like: "name" or size: (columns, rows)); with `as: Distance`,
+    /// `Colour`, `Error` or `Grid` the new buffer is offered to the stages and measures that need such
+    bind: BTreeMap<String, String>,
+    /// fields of the kernel's uniform structure
+    #[serde(default)]
+    params: (),
+    /// the elements to run over: "buffer", (columns, rows), or Indirect("buffer of three u32")
+    over: String,
+    /// how often it runs a frame
+    #[serde(default = "once")]
+    #[schemars(range(min = 1, max = 10000))]
+    repeat: u32,
+    /// (read, written): variables whose buffers swap between repetitions
+    #[serde(default)]
+    ping_pong: Option<(String, String)>,
+}
+
+fn main_entry() -> String {
+    "main".into()
+}
+
+fn once() -> u32 {
+    1
+}
+
+/// A user's kernel as a stage.
+#[derive(Debug)]
+pub struct Kernel {
+    kernel: Arc<Wgsl>,
+    entry: String,
+    bind: Vec<(String, Attached, Origin)>,
+    params: Vec<(String, Node, Origin)>,
+    over: Over,
+    over_origin: Origin,
+    repeat: u32,
+    ping_pong: Option<(String, String)>,
+}
+
+/// What a WGSL variable is attached to.
+#[derive(Clone, Debug)]
+enum Attached {
+    Existing(String),
+    New(New),
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename = "New")]
+struct New {
+    name: String,
+    of: Elem,
+    #[serde(default)]
+    like: Option<String>,
+    #[serde(default)]
+    size: Option<(u32, u32)>,
+    #[serde(default, rename = "as")]
+    offered_as: Option<Offered>,
+}
+
+/// The elements a kernel runs over.
+#[derive(Clone, Debug)]
+enum Over {
+    Buffer(String),
+    Size(u32, u32),
+    /// The number of workgroups stands in a buffer of three u32 on the GPU; zero of them run nothing.
+    Indirect(String),
+}
+
+impl Kernel {
+    fn value(&self, name: &str, node: &Node) -> Result<Value, Diagnostic> {
+        let field = structures(&self.kernel).flat_map(|structure| &structure.fields).find(|field| field.name == name);
+        let Some(field) = field else { return Ok(Value::U32(Vec::new())) };
+        let items: Vec<Node> = match &node.kind {
+            Kind::Tuple { items, .. } | Kind::List(items) => items.clone(),
+            _ => vec![node.clone()],
+        };
+        let (FieldKind::F32(components) | FieldKind::U32(components) | FieldKind::I32(components)) = field.kind;
+        if items.len() != components as usize {
+            return Err(Diagnostic::input(format!("`{name}` has {components} component(s), {} given", items.len()))
+                .at(&node.origin, "this value")
+                .at(&field.origin, "declared here"));
+        }
+        match field.kind {
+            FieldKind::F32(_) => items.iter().map(Node::parse).collect::<Result<_, _>>().map(Value::F32),
+            FieldKind::U32(_) => items.iter().map(Node::parse).collect::<Result<_, _>>().map(Value::U32),
+            FieldKind::I32(_) => items.iter().map(Node::parse).collect::<Result<_, _>>().map(Value::I32),
+        }
+    }
+
+    fn size(&self, chain: &Chain, new: &New, origin: &Origin) -> Result<Vec<u32>, Diagnostic> {
+        match (&new.like, new.size) {
+            (Some(like), None) => chain
+                .read(like)
+                .map(|id| chain.buffer(id).dims.clone())
+                .map_err(|error| error.at(origin, "sized like it here")),
+            (None, Some((columns, rows))) if columns > 0 && rows > 0 => Ok(vec![rows, columns]),
+            (None, Some(size)) => {
+                Err(Diagnostic::input(format!("a buffer of {} x {} elements holds nothing", size.0, size.1))
+                    .at(origin, "this size"))
+            }
+            _ => Err(Diagnostic::input("a new buffer needs `like` or `size`, one of them").at(origin, "this buffer")),
+        }
+    }
+
+    /// The buffers of each variable for every repetition.
+    fn buffers(&self, chain: &mut Chain) -> Result<Vec<Vec<(String, BufferId)>>, Diagnostic> {
+        let mut attached = Vec::new();
+        for (variable, what, origin) in &self.bind {
+            let id = match what {
+                Attached::Existing(name) => chain.read(name).map_err(|error| error.at(origin, "asked for here"))?,
+                Attached::New(new) => {
+                    let dims = self.size(chain, new, origin)?;
+                    let id = chain.make(&new.name, new.of, &dims, "", &format!("made by `{}`", self.kernel.name));
+                    new.check(chain, id).map_err(|error| error.at(origin, "this buffer"))?;
+                    id
+                }
+            };
+            attached.push((variable.clone(), id));
+        }
+        let Some((read, written)) = &self.ping_pong else { return Ok(vec![attached; self.repeat as usize]) };
+        let find = |name: &String| attached.iter().find(|(variable, _)| variable == name).map(|(_, id)| *id);
+        let (Some(first), Some(last)) = (find(read), find(written)) else {
+            return Err(Diagnostic::input("`ping_pong` names two bound variables").at(chain.origin(), "this stage"));
+        };
+        let target = chain.buffer(last).clone();
+        let other = chain.make(
+            &format!("{}.other", target.name),
+            target.elem,
+            &target.dims,
+            "",
+            "the other half of the ping-pong",
+        );
+        // counted back from the last repetition, which writes the buffer that has the name
+        let at = |back: u32| if back.is_multiple_of(2) { last } else { other };
+        Ok((0..self.repeat)
+            .map(|turn| {
+                let back = self.repeat - 1 - turn;
+                let source = if turn == 0 { first } else { at(back + 1) };
+                let swap = |(variable, id): &(String, BufferId)| match variable {
+                    name if name == read => (name.clone(), source),
+                    name if name == written => (name.clone(), at(back)),
+                    name => (name.clone(), *id),
+                };
+                attached.iter().map(swap).collect()
+            })
+            .collect())
+    }
+}
+
+impl Kernel {
+    fn indirect(&self, chain: &mut Chain, name: &str) -> Result<BufferId, Diagnostic> {
+        let id = chain.read(name).map_err(|error| error.at(&self.over_origin, "asked for here"))?;
+        let buffer = chain.buffer(id);
+        if buffer.elem != Elem::U32 || buffer.elements() < 3 {
+            return Err(Diagnostic::input(format!("`{name}` does not hold numbers of workgroups"))
+                .at(&self.over_origin, "expected a buffer of three U32"));
+        }
+        let limited = chain.make(&format!("{name}_limited"), Elem::U32, &[3], "", "workgroups along x, y, z");
+        let kernel = Wgsl::built_in("own/kernel_limit_groups.wgsl")?;
+        let step = chain.step("limit groups", &kernel, "limit");
+        step.bind("groups", id).bind("limited", limited).over(UVec2::ONE)?;
+        Ok(limited)
+    }
+}
+
+impl Stage for Kernel {
+    fn makes(&self) -> Option<Vec<String>> {
+        let new = |(_, attached, _): &(String, Attached, Origin)| match attached {
+            Attached::New(new) => Some(new.name.clone()),
+            Attached::Existing(_) => None,
+        };
+        Some(self.bind.iter().filter_map(new).collect())
+    }
+
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let turns = self.buffers(chain)?;
+        let size = match &self.over {
+            Over::Size(columns, rows) => UVec2::new(*columns, *rows),
+            Over::Indirect(_) => UVec2::ONE,
+            Over::Buffer(name) => {
+                let id = chain.read(name).map_err(|error| error.at(&self.over_origin, "run over it here"))?;
+                match chain.buffer(id).dims[..] {
+                    [rows, columns] => UVec2::new(columns, rows),
+                    _ => UVec2::new(chain.buffer(id).elements() as u32, 1),
+                }
+            }
+        };
+        let workgroup = self.kernel.entry(&self.entry)?.workgroup_size;
+        let groups = UVec2::new(size.x.div_ceil(workgroup[0]), size.y.div_ceil(workgroup[1]));
+        if size.min_element() == 0 || groups.max_element() > 65_535 {
+            return Err(Diagnostic::input(format!("a kernel over {} x {} elements", size.x, size.y))
+                .at(&self.over_origin, "expected 1 to 65535 workgroups a side"));
+        }
+        let groups_in = match &self.over {
+            Over::Indirect(name) => Some(self.indirect(chain, name)?),
+            _ => None,
+        };
+        for (turn, attached) in turns.into_iter().enumerate() {
+            let label =
+                if self.repeat == 1 { self.kernel.name.clone() } else { format!("{} #{}", self.kernel.name, turn + 1) };
+            let values: Vec<(String, Value)> = self
+                .params
+                .iter()
+                .map(|(name, node, _)| Ok((name.clone(), self.value(name, node)?)))
+                .collect::<Result<_, Diagnostic>>()?;
+            let mut step = chain.step(&label, &self.kernel, &self.entry);
+            for (name, value) in values {
+                step = step.set(&name, value);
+            }
+            for (variable, id) in &attached {
+                step = step.bind(variable, *id);
+            }
+            let step = step.set("size", size.to_array()).set_terrain().set_camera();
+            match groups_in {
+                Some(buffer) => step.over_indirect(buffer)?,
+                None => step.over(size)?,
+            }
+        }
+        self.offer(chain)
+    }
+}

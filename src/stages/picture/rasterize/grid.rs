@@ -1,0 +1,79 @@
+//! A grid of vertices, drawn as one strip and cut at the terrain's border.
+
+use glam::UVec2;
+
+use super::step;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::kernel::Elem;
+use crate::plan::product::{Drawn, Grid, Mesh};
+use crate::plan::{BufferId, Chain, StepBuilder, Vertices};
+use crate::stages::shared::drawn::make_distance;
+use crate::stages::shared::rounding::PROOF_SNAP_PX;
+use crate::stages::shared::traversal::Traversed;
+
+/// Nothing nearer than this is drawn, in metres along the view direction.
+pub(super) const NEAR_M: f32 = 0.1;
+
+pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<BufferId>, Diagnostic> {
+    let size = chain.grid_size(grid.vertex, Elem::Vec4F32)?;
+    let strip = strip(chain, size)?;
+    let is_proven = grid.promise.is_some_and(|promise| promise.proven);
+    // a grid without bounds has another buffer in their place, which is not looked at
+    let bounds = grid.cell_bound.unwrap_or(grid.vertex);
+    let tiles = match is_proven && chain.find("clear_until").is_some() && !chain.data.sees_underside {
+        true => Some(Traversed::known_tiles(chain)?),
+        false => None,
+    };
+    let (elem, meaning) = match grid.promise {
+        None => (Elem::U32, "distance of the nearest triangle as the bits of an f32; 0 is none"),
+        Some(_) => (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none"),
+    };
+    let drawn = chain.make_target("drawn", elem, meaning);
+    let distance = make_distance(chain);
+    let (columns, rows) = chain.data.scene.viewport;
+    let meaning = "normalised error of what is drawn; 0 is within the threshold";
+    let error = grid.promise.map(|_| chain.make("error", Elem::F32, &[rows, columns], "", meaning));
+    let (fragment, resolve) = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
+    let draw = grid_step(chain, &grid, size, "draw", "draw", tiles)?;
+    draw.bind("vertex", grid.vertex).bind("cell_bound", bounds).draw_strip(strip, drawn, fragment)?;
+    let resolve = grid_step(chain, &grid, size, "resolve", resolve, tiles)?;
+    let resolve = resolve.bind("drawn", drawn).bind("distance", distance);
+    let resolve = match (error, tiles) {
+        (None, _) => resolve,
+        (Some(error), Some(tiles)) => resolve.bind("error", error).bind("clear_until", tiles),
+        (Some(error), None) => resolve.bind("error", error).leave_unbound("clear_until"),
+    };
+    resolve.over(UVec2::new(columns, rows))?;
+    Ok(Drawn { distance, error, mesh: Some(Mesh::Grid(grid)), promise: grid.promise })
+}
+
+/// A row of the strip has two vertices a column, and two that lead to the next row.
+fn strip(chain: &Chain, size: UVec2) -> Result<Vertices, Diagnostic> {
+    let vertices = (2 * u64::from(size.x) + 2) * u64::from(size.y - 1);
+    let triangles = 2 * u64::from(size.x - 1) * u64::from(size.y - 1);
+    match (u32::try_from(vertices), u32::try_from(triangles)) {
+        (Ok(vertices), Ok(triangles)) => Ok(Vertices::Strip { vertices, triangles }),
+        _ => Err(Diagnostic::input(format!("a mesh of {} x {} vertices has too many triangles to draw", size.x, size.y))
+            .at(chain.origin(), "this stage")),
+    }
+}
+
+fn grid_step<'c, 'a>(
+    chain: &'c mut Chain<'a>,
+    grid: &Grid<BufferId>,
+    size: UVec2,
+    label: &str,
+    entry: &str,
+    tiles: Option<BufferId>,
+) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+    let sees_underside = chain.data.sees_underside;
+    let threshold_px = grid.promise.map_or(0.0, |promise| promise.bound_px);
+    Ok(step(chain, label, "picture/rasterize_grid.wgsl", entry, NEAR_M)?
+        .constant("PROVEN", f64::from(grid.promise.is_some_and(|promise| promise.proven)))
+        .constant("LED", f64::from(tiles.is_some()))
+        .constant("DISCARD", f64::from(sees_underside))
+        .set("grid", size.to_array())
+        .set("threshold_px", threshold_px as f32)
+        .set("snap_px", PROOF_SNAP_PX)
+        .set_per_frame("focal_px", |camera| camera.focal_px() as f32))
+}

@@ -1,0 +1,72 @@
+mod error;
+mod triangles;
+
+use std::sync::Arc;
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use super::Rasterize;
+use crate::plan::product::{Drawn, List, Mesh};
+use crate::reference::{Absent, Buffers, Frame, Reference, Values};
+use crate::stages::shared::traversal::TILE;
+use triangles::Triangles;
+
+impl Reference for Rasterize {
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
+        let mesh: Mesh<_> = buffers.latest()?;
+        let promise = mesh.promise();
+        let triangles = match mesh {
+            Mesh::List(List { triangle, count, .. }) => {
+                let casts_beside = promise.is_some_and(|promise| promise.proven);
+                Triangles::of_list(frame, &buffers.values(triangle), &buffers.values(count), casts_beside)
+            }
+            Mesh::Grid(grid) => {
+                let bounds = grid.cell_bound.map(|id| buffers.values(id));
+                Triangles::of_grid(&buffers.values(grid.vertex), bounds.as_deref())
+            }
+        };
+        // how far a grid was raised is known to an interval only: what it covers then hangs on that
+        let is_loose = triangles.is_proven() && triangles.bounds_m.iter().any(|&bound_m| bound_m > 1e-3);
+        // what is drawn of a list has no error of its own
+        let is_grid = matches!(mesh, Mesh::Grid(_));
+        let threshold_px = promise.filter(|_| is_grid).map(|promise| promise.bound_px);
+        let (width, tall) = frame.camera.viewport;
+        let clear_until = buffers.get("clear_until").ok();
+        let seen = |y: u32, x: u32| {
+            let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            if triangles.is_open {
+                return ((f64::NAN, f64::INFINITY), (f64::NAN, 0.0));
+            }
+            let hit = triangles.nearest(frame, pixel);
+            let Some(threshold_px) = threshold_px else { return (hit.distance, (f64::NAN, 0.0)) };
+            if is_loose {
+                return ((f64::NAN, f64::INFINITY), (f64::NAN, f64::INFINITY));
+            }
+            if hit.triangle.is_none() && triangles.is_proven() {
+                let tile = (y / TILE * width.div_ceil(TILE) + x / TILE) as usize;
+                let is_sky = |clear: &Arc<Values>| !frame.data.sees_underside && clear.value[tile] > 1e38;
+                let led = !frame.data.sees_underside;
+                let unknown = led && clear_until.as_ref().is_some_and(|clear| clear.bound[tile] > 0.0);
+                let open = if hit.distance.1.is_infinite() || unknown { f64::INFINITY } else { f64::MIN_POSITIVE };
+                return (hit.distance, (f64::from(!clear_until.as_ref().is_some_and(is_sky)), open));
+            }
+            triangles.error(frame, pixel, &hit, threshold_px)
+        };
+        let pixels: Vec<((f64, f64), (f64, f64))> = (0..tall)
+            .into_par_iter()
+            .flat_map_iter(|y| (0..width).map(move |x| (y, x)))
+            .map(|(y, x)| seen(y, x))
+            .collect();
+        let mut distance = Values::missing(&[tall, width], 1);
+        let mut error = Values::missing(&[tall, width], 1);
+        for (at, ((value, bound), (own, own_bound))) in pixels.into_iter().enumerate() {
+            distance.set(at, value, bound);
+            error.set(at, own, own_bound);
+        }
+        let distance = buffers.put("distance", distance);
+        let error = threshold_px.map(|_| buffers.put("error", error));
+        buffers.offer(Drawn { distance, error, mesh: Some(mesh), promise });
+        Ok(())
+    }
+}

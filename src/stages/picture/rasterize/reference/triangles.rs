@@ -1,0 +1,170 @@
+//! The triangles that are drawn, and the nearest one on a pixel's ray.
+
+use glam::{DVec2, DVec3};
+
+use super::super::{grid, list};
+use crate::reference::{Frame, Values};
+use crate::stages::shared::border::border_margin_m;
+use crate::stages::shared::rounding::{ANY_ADAPTER_SNAP_PX, EPSILON};
+
+pub(super) struct Triangles {
+    pub(super) triangles: Vec<[DVec3; 3]>,
+    /// Bound of each triangle's corners, metres.
+    pub(super) bounds_m: Vec<f64>,
+    /// What the corners carry: their errors, or how far they were raised.
+    pub(super) carried: Vec<[f64; 3]>,
+    /// Lowest and highest of surface minus the plane that was raised; empty for a mesh that is not proven.
+    pub(super) found_m: Vec<(f64, f64)>,
+    pub(super) near_m: f64,
+    /// At the terrain's border.
+    pub(super) is_cut: bool,
+    /// A ray that passes beside its triangle is cast.
+    pub(super) casts_beside: bool,
+    /// Which triangles there are hangs on a decision.
+    pub(super) is_open: bool,
+}
+
+/// What a pixel sees of a mesh.
+pub(super) struct Hit {
+    /// With its bound; NaN for nothing.
+    pub(super) distance: (f64, f64),
+    pub(super) triangle: Option<usize>,
+}
+
+impl Triangles {
+    pub(super) fn of_list(frame: &Frame, keys: &Values, count: &Values, casts_beside: bool) -> Self {
+        let terrain = &frame.data.terrain;
+        let corner = |key: f64| {
+            let (column, row) = (key as u32 & 0xffff, key as u32 >> 16);
+            let ground = DVec2::new(column.into(), f64::from(terrain.size.y - 1 - row)) * terrain.cell_m;
+            ground.extend(terrain.height_m(column, row).into()) - frame.camera.eye_m
+        };
+        let listed = count.value[0] as usize / 3;
+        let triangles: Vec<[DVec3; 3]> = keys
+            .value
+            .chunks_exact(4)
+            .take(listed)
+            .map(|keys| [corner(keys[0]), corner(keys[1]), corner(keys[2])])
+            .collect();
+        // a difference, a fraction and a product for the ground, two differences for the height
+        let off =
+            |corners: &[DVec3; 3]| 4.0 * EPSILON * corners.iter().map(|corner| corner.length()).fold(0.0, f64::max);
+        let bounds_m = triangles.iter().map(off).collect();
+        let carried = vec![[0.0; 3]; triangles.len()];
+        let is_open = count.bound[0].is_infinite();
+        Self {
+            triangles,
+            bounds_m,
+            carried,
+            found_m: Vec::new(),
+            near_m: list::NEAR_M.into(),
+            is_cut: false,
+            casts_beside,
+            is_open,
+        }
+    }
+
+    pub(super) fn of_grid(vertices: &Values, cell_bounds: Option<&Values>) -> Self {
+        let (rows, columns) = (vertices.dims[0], vertices.dims[1]);
+        let at = |x: u32, y: u32| 4 * (y * columns + x) as usize;
+        let point = |x, y| DVec3::from_slice(&vertices.value[at(x, y)..]);
+        let bound = |x, y| vertices.bound[at(x, y)..at(x, y) + 3].iter().copied().fold(0.0, f64::max);
+        let (mut triangles, mut bounds_m, mut carried) = (Vec::new(), Vec::new(), Vec::new());
+        for y in 0..rows - 1 {
+            for x in 0..columns - 1 {
+                for corners in [[(x, y), (x, y + 1), (x + 1, y)], [(x + 1, y), (x, y + 1), (x + 1, y + 1)]] {
+                    triangles.push(corners.map(|(x, y)| point(x, y)));
+                    bounds_m.push(corners.iter().map(|&(x, y)| bound(x, y)).fold(0.0, f64::max));
+                    carried.push(corners.map(|(x, y)| vertices.value[at(x, y) + 3]));
+                }
+            }
+        }
+        let bounds = cell_bounds.map_or(&[][..], |bounds| &bounds.value);
+        let found_m = bounds.chunks_exact(2).map(|pair| (pair[0], pair[1])).collect();
+        Self {
+            triangles,
+            bounds_m,
+            carried,
+            found_m,
+            near_m: grid::NEAR_M.into(),
+            is_cut: true,
+            casts_beside: false,
+            is_open: false,
+        }
+    }
+
+    pub(super) fn is_proven(&self) -> bool {
+        self.found_m.len() == self.triangles.len()
+    }
+
+    /// The nearest triangle on a pixel's ray.
+    pub(super) fn nearest(&self, frame: &Frame, pixel: DVec2) -> Hit {
+        let camera = frame.camera;
+        let [right, down, corner] = camera.pixel_basis();
+        let ray = corner + right * pixel.x + down * pixel.y;
+        let (mut value, mut bound, mut nearest) = (f64::INFINITY, f64::MIN_POSITIVE, None);
+        // hits that the rasterizer may or may not see
+        let mut doubtful: Vec<(f64, f64)> = Vec::new();
+        for (number, (triangle, &bound_m)) in self.triangles.iter().zip(&self.bounds_m).enumerate() {
+            let [a, b, c] = *triangle;
+            let volume = a.dot(b.cross(c));
+            let inside = [a.cross(b), b.cross(c), c.cross(a)].map(|edge| {
+                let pixels = DVec2::new(edge.dot(right), edge.dot(down)).length();
+                volume.signum() * edge.dot(ray) / pixels.max(1e-300)
+            });
+            let margin = inside.into_iter().fold(f64::MAX, f64::min);
+            let slack = ANY_ADAPTER_SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
+            if margin < -slack {
+                continue;
+            }
+            let normal = (b - a).cross(c - a);
+            let steep = normal.dot(ray);
+            // t is the depth, which is linear on the triangle
+            let depths = [a, b, c].map(|corner| corner.dot(camera.forward()));
+            let (near, far) = depths.iter().fold((f64::MAX, 0.0f64), |(low, high), &z| (low.min(z), high.max(z)));
+            let mut t = (normal.dot(a) / steep).max(near.max(0.0)).min(far);
+            let mut rim_off = 0.0;
+            if !self.is_cut && margin < slack {
+                // beside a triangle of a list, its rim counts
+                let weights =
+                    DVec3::from([b.cross(c), c.cross(a), a.cross(b)].map(|edge| volume.signum() * edge.dot(ray)));
+                let inside = weights.max(DVec3::ZERO);
+                let rim = (inside.dot(depths.into()) / inside.element_sum()).max(near.max(0.0)).min(far);
+                // a bound is kept by looking at the surface itself there
+                rim_off = if self.casts_beside { f64::INFINITY } else { (rim - t).abs() * ray.length() };
+                t = if margin < 0.0 { rim } else { t };
+            }
+            let in_front = t * camera.forward().dot(ray) > self.near_m;
+            if !in_front || steep == 0.0 {
+                continue;
+            }
+            let length = ray.length();
+            let spread = (b - a).length() * (c - a).length();
+            let reach = a.length().max(b.length()).max(c.length());
+            let off = length * (16.0 * EPSILON * reach * spread + bound_m * normal.length()) / steep.abs()
+                + 4.0 * EPSILON * t * length
+                + rim_off;
+            // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
+            let along = normal.length() * length / steep.abs();
+            let border_off = off + ANY_ADAPTER_SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);
+            let border = if self.is_cut { border_margin_m(frame, ray * t) } else { f64::INFINITY };
+            if border < -border_off {
+                continue;
+            }
+            if margin < slack || border < border_off {
+                doubtful.push((t * length, off));
+            } else if t * length < value {
+                (value, bound, nearest) = (t * length, off, Some(number));
+            }
+        }
+        for (t, off) in doubtful {
+            if t < value + bound {
+                // seen or not, the answer is one of the two; far apart, nothing can be said
+                let apart = (value - t).abs();
+                bound = if apart < 0.02 * t { bound.max(off) + apart } else { f64::INFINITY };
+            }
+        }
+        let value = if value.is_infinite() { f64::NAN } else { value };
+        Hit { distance: (value, bound), triangle: nearest }
+    }
+}

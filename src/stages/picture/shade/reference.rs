@@ -1,0 +1,104 @@
+use glam::{DVec2, DVec3};
+
+use super::{Shade, height_range_m, sun_direction};
+use crate::plan::product::{Drawn, Picture};
+use crate::reference::{Absent, Buffers, Frame, Reference, Values};
+use crate::stages::shared::rounding::EPSILON;
+
+impl Reference for Shade {
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
+        let drawn: Drawn<_> = buffers.latest()?;
+        let distance = buffers.values(drawn.distance);
+        let (width, tall) = frame.camera.viewport;
+        let mut colour = Values::missing(&[tall, width], 4);
+        for y in 0..tall {
+            for x in 0..width {
+                let at = (y * width + x) as usize;
+                let ray = frame.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
+                let (here, spread) = match distance.value[at] {
+                    t if t.is_nan() => (sky(ray), DVec3::ZERO),
+                    t => self.ground(frame, ray, t, distance.bound[at]),
+                };
+                for channel in 0..4 {
+                    let (value, off) = if channel < 3 { (here[channel], spread[channel]) } else { (1.0, 0.0) };
+                    // rounding to 8 bits may fall either way
+                    let bound = if distance.bound[at].is_infinite() { f64::INFINITY } else { 1.0 + 255.0 * off };
+                    colour.set(4 * at + channel, (value.clamp(0.0, 1.0) * 255.0).round(), bound);
+                }
+            }
+        }
+        let pixels = buffers.put("colour", colour);
+        buffers.offer(Picture { pixels });
+        Ok(())
+    }
+}
+
+impl Shade {
+    /// Colour at a distance, and how much it changes within the reach of rounding.
+    fn ground(&self, frame: &Frame, ray: DVec3, t: f64, bound: f64) -> (DVec3, DVec3) {
+        let here = self.colour(frame, ray * t);
+        let origin = frame.data.terrain.sample_from_world(frame.camera.eye_m.truncate()).abs().max_element();
+        let cell = frame.data.terrain.cell_m.max_element();
+        let off = bound + 16.0 * EPSILON * (t + frame.camera.eye_m.z.abs() + (origin.fract() + 1.0) * cell);
+        let around = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis * off, -axis * off]);
+        let spread = around.map(|by| (self.colour(frame, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
+        // a slope of s turns the normal by at most the rounding of s; heights are rounded once
+        let steepest = (frame.data.range_m.1 - frame.data.range_m.0) / frame.data.terrain.cell_m.min_element();
+        (here, 2.0 * spread + 64.0 * EPSILON * (1.0 + steepest))
+    }
+
+    fn colour(&self, frame: &Frame, point: DVec3) -> DVec3 {
+        let light = &frame.data.scene.light;
+        let world = point + frame.camera.eye_m;
+        let (low, high) = frame.data.range_m;
+        let mut colour = DVec3::splat(0.75);
+        if self.tint {
+            colour = tint((world.z - low) / height_range_m(low, high));
+        }
+        if self.needs_sun(light) {
+            let lit = normal(frame, world.truncate()).dot(sun_direction(light)).max(0.0);
+            colour *= light.ambient + (1.0 - light.ambient) * lit;
+        }
+        colour
+    }
+}
+
+fn sky(ray: DVec3) -> DVec3 {
+    DVec3::new(0.80, 0.87, 0.93).lerp(DVec3::new(0.33, 0.55, 0.83), (ray.z * 2.0).clamp(0.0, 1.0))
+}
+
+fn tint(share: f64) -> DVec3 {
+    const STOPS: [DVec3; 5] = [
+        DVec3::new(0.27, 0.47, 0.30),
+        DVec3::new(0.58, 0.65, 0.36),
+        DVec3::new(0.70, 0.57, 0.37),
+        DVec3::new(0.55, 0.48, 0.43),
+        DVec3::new(0.97, 0.97, 0.98),
+    ];
+    let at = share.clamp(0.0, 1.0) * 4.0;
+    let low = at.floor().min(3.0);
+    STOPS[low as usize].lerp(STOPS[low as usize + 1], at - low)
+}
+
+fn normal(frame: &Frame, position_m: DVec2) -> DVec3 {
+    let terrain = &frame.data.terrain;
+    let place = terrain.sample_from_world(position_m);
+    let low = place.floor();
+    let w = place - low;
+    let height = |x: f64, y: f64| {
+        let x = x.clamp(0.0, f64::from(terrain.size.x - 1)) as u32;
+        let y = y.clamp(0.0, f64::from(terrain.size.y - 1)) as u32;
+        f64::from(terrain.height_m(x, y))
+    };
+    let gradient = |dx: f64, dy: f64| {
+        let at = low + DVec2::new(dx, dy);
+        DVec2::new(
+            height(at.x + 1.0, at.y) - height(at.x - 1.0, at.y),
+            height(at.x, at.y + 1.0) - height(at.x, at.y - 1.0),
+        ) / 2.0
+    };
+    let north = gradient(0.0, 0.0).lerp(gradient(1.0, 0.0), w.x);
+    let south = gradient(0.0, 1.0).lerp(gradient(1.0, 1.0), w.x);
+    let slope = north.lerp(south, w.y) / terrain.cell_m;
+    DVec3::new(-slope.x, slope.y, 1.0).normalize()
+}

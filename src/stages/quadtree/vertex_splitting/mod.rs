@@ -1,0 +1,431 @@
+mod blocks;
+mod motion;
+mod reference;
+
+use glam::{DVec3, UVec2};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::camera::Camera;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::experiment::scene::Surface;
+use crate::kernel::{Elem, Kernel};
+use crate::plan::product::{Blocks, Promise, Roughness, what};
+use crate::plan::{BufferId, Chain, StepBuilder};
+use crate::stages::shared::prefix_sums::over_runs;
+use crate::stages::shared::pyramid::{Layout, bounds_layout};
+use crate::stages::{Example, Info, Stage, read_as};
+use motion::{most_of, sides, so_far, turn};
+
+pub const INFO: Info = Info {
+    name: "VertexSplitting",
+    summary: "the quadtree's blocks that are fine enough for this view: a vertex a block, split round by round",
+    formula: "split if the eye is in the block's sphere and s > 0, or if max_k |project(v_k) - project(v_k + s z)| >= threshold",
+    source: "Lee, Shin 2011, sections 2.1 (Eq. 2), 2.3 and 3; Proven and LastFrame are ours",
+    reads: &["height", "height_min", "height_max", "roughness"],
+    writes: &["leaf", "leaf_count", "split"],
+    needs: &[what::<Roughness<()>>()],
+    offers: &[what::<Blocks<()>>()],
+    parameters: schema::<VertexSplitting>,
+    read: read_as::<VertexSplitting>,
+    examples: &[
+        Example::new("[HeightPyramid, Roughness, VertexSplitting(threshold_px: 5)]")
+            .in_benches(&[("VertexSplitting.threshold_px", "2")]),
+        Example::new(
+            "[HeightPyramid, Roughness(error: Proven), VertexSplitting(threshold_px: 8, carry_flag: false, carry_size: false)]",
+        )
+        .only_on(Surface::Triangles)
+        .in_benches(&[("VertexSplitting.threshold_px", "2")]),
+        Example::new("[HeightPyramid, Roughness, VertexSplitting(threshold_px: 5, start: LastFrame)]")
+            .in_benches(&[("VertexSplitting.threshold_px", "2")]),
+    ],
+    ..Info::EMPTY
+};
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize, JsonSchema)]
+enum Start {
+    /// from the root in every frame
+    #[default]
+    Root,
+    /// from the tree of the frame before, to the same leaves
+    LastFrame,
+}
+
+#[derive(Clone, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct VertexSplitting {
+    /// the error that a block may have; a roughness that is a bound makes it a promise
+    #[schemars(range(min = 0, max = 1e9))]
+    threshold_px: f64,
+    /// where a frame begins
+    start: Start,
+    /// drop blocks outside the picture
+    cull: bool,
+    /// a vertex that is a leaf is looked at once; without, in every round that follows
+    carry_flag: bool,
+    /// a vertex knows the size of its block; without, it is found from its place
+    carry_size: bool,
+    /// elements of the lists at first; one that overflows is made larger between frames
+    #[schemars(range(min = 1, max = 67108864))]
+    capacity: u32,
+}
+
+impl Default for VertexSplitting {
+    fn default() -> Self {
+        Self {
+            threshold_px: 1.0,
+            start: Start::Root,
+            cull: true,
+            carry_flag: true,
+            carry_size: true,
+            capacity: 1 << 17,
+        }
+    }
+}
+
+/// Threads of a workgroup; `GROUP` of the kernel.
+const GROUP: u32 = 64;
+
+/// The buffers of the stage, and what its steps have in common.
+struct Lists {
+    inputs: [BufferId; 4],
+    live: [BufferId; 2],
+    choice: BufferId,
+    wanted: BufferId,
+    place: BufferId,
+    leaf: BufferId,
+    leaf_count: BufferId,
+    split: BufferId,
+    needed: BufferId,
+    tree: Option<Tree>,
+    capacities: [u32; 3],
+    layout: Layout,
+    proven: bool,
+}
+
+/// What is kept from frame to frame.
+struct Tree {
+    nodes: BufferId,
+    count: BufferId,
+    work: BufferId,
+    closed: BufferId,
+    rest: BufferId,
+    clear_work: BufferId,
+    stale: BufferId,
+    stale_work: BufferId,
+    suspects: BufferId,
+    suspect_work: BufferId,
+}
+
+/// How many levels below the root the regions are in which something may be split no more.
+const REGIONS_BELOW: u32 = 9;
+
+fn region_level(layout: Layout) -> u32 {
+    layout.top.saturating_sub(REGIONS_BELOW).max(1)
+}
+
+impl Lists {
+    fn make(stage: &VertexSplitting, chain: &mut Chain) -> Result<Self, Diagnostic> {
+        let size = chain.data.terrain.size;
+        let layout = bounds_layout(size);
+        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        let keeps = stage.start == Start::LastFrame;
+        let pyramid = |name: &str| -> Result<BufferId, Diagnostic> {
+            let id = chain.read_as(name, Elem::F32, &layout.dims())?;
+            // what is left for the next frame holds as long as these do not change
+            if keeps {
+                chain.check_own(id)?;
+            }
+            Ok(id)
+        };
+        let inputs = [height, pyramid("height_min")?, pyramid("height_max")?, pyramid("roughness")?];
+        let is_known = |known: &Roughness<BufferId>| known.roughness == inputs[3];
+        let proven = chain.products().find(is_known).is_some_and(|known| known.is_bound);
+        let needed = chain.make_lasting(
+            "splitting_needed",
+            Elem::U32,
+            &[4],
+            "",
+            "longest lists of leaves, vertices, tree; did one overflow",
+        );
+        let lists = ["leaf", "live", "tree"].map(|list| {
+            // whole workgroups write what they found, past the list's end as well
+            chain.capacity(list, stage.capacity).next_multiple_of(GROUP)
+        });
+        for (at, list) in ["leaf", "live", "tree"].into_iter().enumerate().take(if keeps { 3 } else { 2 }) {
+            chain.guard(list, lists[at], needed, at);
+        }
+        let [leaves, live, nodes] = lists;
+        let visited = if keeps { live.max(nodes) } else { live };
+        let vertices = "centre of a block in half cells, 16 bits each; flag and level";
+        let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
+        let regions = layout.size(region_level(layout)).element_product().div_ceil(32).next_multiple_of(4);
+        let halves = "all nodes of the quadtree: of the frame before, and of this one";
+        let tree = keeps.then(|| Tree {
+            nodes: chain.make_lasting("tree", Elem::Vec2U32, &[2, nodes], "", halves),
+            count: chain.make_lasting("tree_count", Elem::U32, &[3], "", "nodes before, which half is now, nodes now"),
+            work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
+            rest: chain.make_lasting(
+                "tree_rest",
+                Elem::Vec4F32,
+                &[2, nodes],
+                "",
+                "how long what became of each node holds",
+            ),
+            stale: chain.make("stale", Elem::U32, &[nodes], "", "nodes to look at again, in any order"),
+            stale_work: chain.make("stale_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            suspects: chain.make("suspects", Elem::U32, &[nodes], "", "nodes that may be gone, in any order"),
+            suspect_work: chain.make("suspect_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            clear_work: chain.make("clear_work", Elem::U32, &[4], "", "workgroups along x, y, z; vectors to clear"),
+            closed: chain.make("closed", Elem::U32, &[regions], "", "a bit for each region: a block is split no more"),
+        });
+        Ok(Self {
+            inputs,
+            live: ["live_a", "live_b"].map(|name| chain.make(name, Elem::Vec2U32, &[live], "", vertices)),
+            choice: chain.make(
+                "choice",
+                Elem::U32,
+                &[visited],
+                "",
+                "what becomes of each vertex, and what those before append",
+            ),
+            wanted: chain.make("wanted", Elem::Vec4U32, &[visited / GROUP], "", "what each workgroup appends"),
+            place: chain.make("place", Elem::Vec4U32, &[visited / GROUP], "", "where each workgroup appends"),
+            leaf: chain.make("leaf", Elem::Vec2U32, &[leaves], "", vertices),
+            leaf_count: chain.make("leaf_count", Elem::U32, &[4], "", "workgroups along x, y, z; how many leaves"),
+            split: match keeps {
+                true => chain.make_lasting("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
+                false => chain.make("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
+            },
+            needed,
+            tree,
+            capacities: lists,
+            layout,
+            proven,
+        })
+    }
+}
+
+impl VertexSplitting {
+    fn step<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        label: &str,
+        entry: &str,
+        round: u32,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let kernel = Kernel::built_in("quadtree/vertex_splitting.wgsl")?;
+        let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
+        let side = |number: usize| move |camera: &Camera| sides(camera)[number].as_vec3().to_array();
+        let [leaves, live, nodes] = lists.capacities;
+        let travelled_m = so_far(chain.data, |a, b| a.eye_m.distance(b.eye_m));
+        let turned = so_far(chain.data, turn);
+        Ok(chain
+            .step(label, &kernel, entry)
+            .constant("PROVEN", f64::from(lists.proven))
+            .constant("CULL", f64::from(self.cull))
+            .constant("CARRY_FLAG", f64::from(self.carry_flag))
+            .constant("CARRY_SIZE", f64::from(self.carry_size))
+            .constant("KEEP", f64::from(lists.tree.is_some()))
+            .set_terrain()
+            .set("stride", lists.layout.stride)
+            .set("tall", lists.layout.tall_pow2)
+            .set("top", lists.layout.top)
+            .set("region_level", region_level(lists.layout))
+            .set("is_last", u32::from(round + 1 == lists.layout.top))
+            .set("live_capacity", live)
+            .set("leaf_capacity", leaves)
+            .set("tree_capacity", nodes)
+            .set("threshold_px", self.threshold_px as f32)
+            .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
+            .set_per_frame("view_right", axis(|camera| camera.world_from_view.x_axis))
+            .set_per_frame("view_up", axis(|camera| camera.world_from_view.y_axis))
+            .set_per_frame("view_forward", axis(|camera| camera.world_from_view.z_axis))
+            .set_per_frame("side_left", side(0))
+            .set_per_frame("side_right", side(1))
+            .set_per_frame("side_top", side(2))
+            .set_per_frame("side_bottom", side(3))
+            .set_series("travelled_m", travelled_m)
+            .set_series("turned", turned)
+            .set_per_frame("ray_most", |camera| most_of(camera, |ray| ray.length()) as f32)
+            .set_per_frame("tilt_most", |camera| {
+                most_of(camera, |ray| (ray * camera.forward().z - DVec3::Z).length()) as f32
+            }))
+    }
+
+    /// One round, or the first look at the tree of the frame before: decide, find the places, append.
+    fn round(&self, chain: &mut Chain, lists: &Lists, round: u32, counts: [BufferId; 2]) -> Result<(), Diagnostic> {
+        let [height, low, high, roughness] = lists.inputs;
+        let [live, next] = if round.is_multiple_of(2) { lists.live } else { [lists.live[1], lists.live[0]] };
+        self.step(chain, lists, &format!("decide {round}"), "decide", round)?
+            .bind("height", height)
+            .bind("height_min", low)
+            .bind("height_max", high)
+            .bind("roughness", roughness)
+            .bind("live", live)
+            .bind("live_count", counts[0])
+            .bind("choice_out", lists.choice)
+            .over_indirect(counts[0])?;
+        self.step(chain, lists, &format!("sums {round}"), "sums", round)?
+            .bind("live_count", counts[0])
+            .bind("choice_out", lists.choice)
+            .bind("wanted_out", lists.wanted)
+            .over_indirect(counts[0])?;
+        self.offsets(chain, lists, &format!("offsets {round}"), "offsets", counts[1])?
+            .bind("live_count", counts[0])
+            .over(UVec2::ONE)?;
+        self.append(chain, lists, &format!("append {round}"), "append", next)?
+            .bind("live", live)
+            .bind("live_count", counts[0])
+            .over_indirect(counts[0])
+    }
+
+    fn offsets<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        label: &str,
+        entry: &str,
+        next_count: BufferId,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let step = self.step(chain, lists, label, entry, 0)?;
+        let step = step
+            .bind("wanted", lists.wanted)
+            .bind("place_out", lists.place)
+            .bind("leaf_count", lists.leaf_count)
+            .bind("live_count_out", next_count)
+            .bind("needed", lists.needed);
+        Ok(match &lists.tree {
+            Some(tree) => step.bind("tree_count", tree.count),
+            None => step.leave_unbound("tree_count"),
+        })
+    }
+
+    fn append<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        label: &str,
+        entry: &str,
+        next: BufferId,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let step = self.step(chain, lists, label, entry, 0)?;
+        let step = step
+            .bind("choice", lists.choice)
+            .bind("place", lists.place)
+            .bind("leaf", lists.leaf)
+            .bind("live_out", next)
+            .bind("split", lists.split);
+        Ok(match &lists.tree {
+            Some(tree) => step.bind("tree", tree.nodes).bind("tree_count", tree.count).bind("rest", tree.rest),
+            None => step.leave_unbound("tree").leave_unbound("tree_count").leave_unbound("rest"),
+        })
+    }
+
+    fn on_tree<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        tree: &Tree,
+        entry: &str,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        Ok(self.step(chain, lists, entry, entry, 0)?.bind("tree", tree.nodes).bind("tree_count", tree.count))
+    }
+
+    /// Goes over the tree of the frame before; what it splits anew is the first round's.
+    fn settle(&self, chain: &mut Chain, lists: &Lists, tree: &Tree, first_count: BufferId) -> Result<(), Diagnostic> {
+        let [height, low, high, roughness] = lists.inputs;
+        self.on_tree(chain, lists, tree, "recall")?
+            .bind("choice_out", lists.choice)
+            .bind("rest", tree.rest)
+            .bind("stale", tree.stale)
+            .bind("stale_work", tree.stale_work)
+            .over_indirect(tree.work)?;
+        self.on_tree(chain, lists, tree, "look")?
+            .bind("height", height)
+            .bind("height_min", low)
+            .bind("height_max", high)
+            .bind("roughness", roughness)
+            .bind("choice_out", lists.choice)
+            .bind("rest", tree.rest)
+            .bind("split", lists.split)
+            .bind("closing", tree.closed)
+            .bind("stale", tree.stale)
+            .bind("work", tree.stale_work)
+            .over_indirect(tree.stale_work)?;
+        self.on_tree(chain, lists, tree, "suspect")?
+            .bind("closed", tree.closed)
+            .bind("suspects", tree.suspects)
+            .bind("suspect_work", tree.suspect_work)
+            .over_indirect(tree.work)?;
+        self.on_tree(chain, lists, tree, "prune")?
+            .bind("choice_out", lists.choice)
+            .bind("split", lists.split)
+            .bind("suspects", tree.suspects)
+            .bind("work", tree.suspect_work)
+            .over_indirect(tree.suspect_work)?;
+        self.step(chain, lists, "sums_of_tree", "sums_of_tree", 0)?
+            .bind("tree_count", tree.count)
+            .bind("choice_out", lists.choice)
+            .bind("wanted_out", lists.wanted)
+            .over_indirect(tree.work)?;
+        self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?.over(UVec2::ONE)?;
+        self.append(chain, lists, "append tree", "append_tree", lists.live[0])?.over_indirect(tree.work)
+    }
+
+    fn clear<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        lists: &Lists,
+        bits: BufferId,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        Ok(self.step(chain, lists, "clear", "clear_bits", 0)?.bind("clear", bits))
+    }
+
+    fn begin(&self, chain: &mut Chain, lists: &Lists, count: BufferId) -> Result<(), Diagnostic> {
+        let vectors = |chain: &Chain, bits: BufferId| chain.buffer(bits).dims[0] / 4;
+        let entry = if lists.tree.is_some() { "begin_again" } else { "begin" };
+        let step = self.step(chain, lists, "begin", entry, 0)?;
+        let step = step
+            .bind("live_out", lists.live[0])
+            .bind("live_count_out", count)
+            .bind("leaf_count", lists.leaf_count)
+            .bind("needed", lists.needed);
+        let Some(tree) = &lists.tree else {
+            step.over(UVec2::ONE)?;
+            let all = vectors(chain, lists.split);
+            return over_runs(self.clear(chain, lists, lists.split)?, all);
+        };
+        step.bind("tree_count", tree.count)
+            .bind("tree_work", tree.work)
+            .bind("clear_work", tree.clear_work)
+            .bind("stale_work", tree.stale_work)
+            .bind("suspect_work", tree.suspect_work)
+            .bind("clear", lists.split)
+            .over(UVec2::ONE)?;
+        let regions = vectors(chain, tree.closed);
+        over_runs(self.clear(chain, lists, tree.closed)?, regions)?;
+        self.clear(chain, lists, lists.split)?.over_indirect(tree.clear_work)?;
+        self.settle(chain, lists, tree, count)
+    }
+}
+
+impl Stage for VertexSplitting {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let lists = Lists::make(self, chain)?;
+        let rounds = lists.layout.top;
+        let meaning = "workgroups along x, y, z; how many vertices there are";
+        let counts: Vec<BufferId> = (0..=rounds)
+            .map(|round| chain.make(&format!("live_count_{round}"), Elem::U32, &[4], "", meaning))
+            .collect();
+        self.begin(chain, &lists, counts[0])?;
+        for round in 0..rounds {
+            self.round(chain, &lists, round, [counts[round as usize], counts[round as usize + 1]])?;
+        }
+        let promise = Promise { bound_px: self.threshold_px, proven: lists.proven };
+        chain.offer(Blocks { leaf: lists.leaf, count: lists.leaf_count, split: lists.split, promise });
+        Ok(())
+    }
+}
