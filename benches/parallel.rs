@@ -5,11 +5,10 @@
 
 use std::path::Path;
 
-use lodlab::experiment::Experiment;
-use lodlab::experiment::diagnostic::{Diagnostic, Source};
+use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::gpu::{Executor, Gpu};
 use lodlab::plan::Plan;
-use lodlab::run::{self, Options, Prepared};
+use lodlab::run::{Keep, Setup};
 
 const SIDE: u32 = 4096;
 
@@ -34,16 +33,12 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) g
 }
 ";
 
-fn prepare(folder: &Path, chain: &str) -> Result<(Prepared, Plan), Diagnostic> {
-    let text = format!(
-        "Experiment(scene: (terrain: Shape(kind: Flat, size: (9, 9)), camera: Still(eye: (100, 10, 50)), viewport: (8, 8)), \
-         chains: {{\"bench\": [Kernel(file: \"fill.wgsl\", bind: {{\"counts\": New(name: \"counts\", of: U32, size: ({SIDE}, {SIDE}))}}, \
-         over: ({SIDE}, {SIDE})), {chain}]}}, measure: [Time])"
+fn set_up(folder: &Path, chain: &str) -> Result<Setup, Diagnostic> {
+    let scene = "terrain: Shape(kind: Flat, size: (9, 9)), camera: Still(eye: (100, 10, 50)), viewport: (8, 8)";
+    let fill = format!(
+        "Kernel(file: \"fill.wgsl\", bind: {{\"counts\": New(name: \"counts\", of: U32, size: ({SIDE}, {SIDE}))}}, over: ({SIDE}, {SIDE}))"
     );
-    let experiment = Experiment::read(Source::new("bench", text), folder.to_path_buf())?;
-    let prepared = run::prepare(&experiment, &[])?.remove(0);
-    let plan = run::plan(&prepared, &Options { keep_everything: true, ..Default::default() })?;
-    Ok((prepared, plan))
+    Setup::chain(scene, &format!("[{fill}, {chain}]"), folder, Keep::Everything)
 }
 
 /// Milliseconds of all steps but the first, which makes the numbers.
@@ -64,13 +59,10 @@ fn compare(folder: &Path) -> Result<(), Diagnostic> {
         SIDE / 4
     );
     let chains = [("copy", copy.as_str()), ("scan", "Scan"), ("compact", "Compact(of: \"counts\", to: \"list\")")];
-    let prepared = chains.map(|(_, chain)| prepare(folder, chain));
+    let setups = chains.iter().map(|(_, chain)| set_up(folder, chain)).collect::<Result<Vec<_>, _>>()?;
     let mut executors = Vec::new();
-    for prepared in &prepared {
-        let (prepared, plan) = prepared.as_ref().map_err(Clone::clone)?;
-        let executor = Executor::new(&gpu, plan, &prepared.data)?;
-        executor.setup()?;
-        executors.push((executor, plan));
+    for setup in &setups {
+        executors.push((setup.executor(&gpu)?, &setup.plan));
     }
     let mut samples: Vec<Vec<f64>> = vec![Vec::new(); chains.len()];
     for round in 0..12 {

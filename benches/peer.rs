@@ -8,11 +8,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Instant;
 
-use lodlab::experiment::Experiment;
-use lodlab::experiment::diagnostic::{Diagnostic, Source};
+use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::gpu::{Executor, Gpu};
 use lodlab::plan::SceneData;
-use lodlab::run::{self, Options};
+use lodlab::run::{Keep, Setup};
 
 struct View {
     name: &'static str,
@@ -107,10 +106,9 @@ fn compare(peer: &Path, shared: &Path, folder: &Path, adapter: Option<&str>) -> 
         "| view | Embree build ms | pyramid ms | ratio | Embree single ms | packet ms | ray cast ms | rate / single | outside kernels | hit differs | beyond 1e-5 | pinholes |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for view in &VIEWS {
-        let experiment = Experiment::read(Source::new(view.name, scene(view, shared)), shared.join("dem"))?;
-        let prepared = run::prepare(&experiment, &[])?.remove(0);
-        let plan = run::plan(&prepared, &Options::default())?;
-        let executor = Executor::new(&gpu, &plan, &prepared.data)?;
+        let setup = Setup::chain(&scene(view, shared), "[HeightPyramid, RayCast]", &shared.join("dem"), Keep::Last)?;
+        let Setup { prepared, plan } = &setup;
+        let executor = Executor::new(&gpu, plan, &prepared.data)?;
         let theirs = run_peer(peer, folder, view, &prepared.data);
         let build_ms = median(9, || Ok(executor.setup()?.wall_ms))?;
         let cast_ms = median(9, || Ok(executor.frame(0)?.wall_ms))?;
@@ -148,9 +146,8 @@ fn scene(view: &View, shared: &Path) -> String {
     };
     let ([ex, ey, ez], [tx, ty, tz]) = (view.eye, view.target);
     format!(
-        "Experiment(scene: (terrain: Dem(file: \"{}.png\", cell_m: ({}, {}), height_offset_m: {}, height_scale_m: {}), \
-         camera: Still(eye: ({ex}, {ey}, {ez}), look_at: ({tx}, {ty}, {tz})), viewport: {SIZE:?}, fov_deg: {FOV_DEG}), \
-         chains: {{\"cast\": [HeightPyramid, RayCast]}}, measure: [Time])",
+        "terrain: Dem(file: \"{}.png\", cell_m: ({}, {}), height_offset_m: {}, height_scale_m: {}), \
+         camera: Still(eye: ({ex}, {ey}, {ez}), look_at: ({tx}, {ty}, {tz})), viewport: {SIZE:?}, fov_deg: {FOV_DEG}",
         view.dem,
         number("cell_size_x_m"),
         number("cell_size_y_m"),

@@ -9,17 +9,15 @@ use std::time::Instant;
 
 use glam::{UVec2, Vec2, Vec3};
 use lodlab::camera::Camera;
-use lodlab::experiment::Experiment;
-use lodlab::experiment::diagnostic::{Diagnostic, Source};
-use lodlab::gpu::{Executor, Gpu};
-use lodlab::plan::Plan;
-use lodlab::run::{self, Options, Prepared};
-use lodlab::stages::Layout;
+use lodlab::experiment::diagnostic::Diagnostic;
+use lodlab::gpu::Gpu;
+use lodlab::run::{self, Keep, Options, Setup};
+use lodlab::stages::shared::pyramid::Layout;
 use rayon::prelude::*;
 
 const THRESHOLD_PX: f32 = 1.0;
 
-fn prepare(chain: &str, wanted: &[&str]) -> Result<(Prepared, Plan), Diagnostic> {
+fn set_up(chain: &str, wanted: &[&str]) -> Result<Setup, Diagnostic> {
     let puget = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/dem/puget_sound_cascades_2049x1025.png");
     let terrain = match puget.is_file() {
         true => format!("Dem(file: {puget:?}, cell_m: 90, height_scale_m: 0.125)"),
@@ -29,15 +27,12 @@ fn prepare(chain: &str, wanted: &[&str]) -> Result<(Prepared, Plan), Diagnostic>
     };
     let camera = "Flight(frames: 12, clearance_m: 200, keys: [(eye: (90000, 42000, 2500), look_at: (150000, 50000, 1200)), \
                   (eye: (90060, 42010, 2500), look_at: (150060, 50000, 1200))])";
-    let text = format!(
-        "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: (1024, 768)), \
-         chains: {{\"bench\": [HeightPyramid, Roughness, {chain}]}}, measure: [Time])"
-    );
-    let experiment = Experiment::read(Source::new("bench", text), Default::default())?;
-    let prepared = run::prepare(&experiment, &[])?.remove(0);
+    let scene = format!("terrain: {terrain}, camera: {camera}, viewport: (1024, 768)");
+    let chain = format!("[HeightPyramid, Roughness, {chain}]");
+    let mut setup = Setup::chain(&scene, &chain, "".as_ref(), Keep::Last)?;
     let dump = wanted.iter().map(|name| name.to_string()).collect();
-    let plan = run::plan(&prepared, &Options { dump, ..Default::default() })?;
-    Ok((prepared, plan))
+    setup.plan = run::plan(&setup.prepared, &Options { dump, ..Default::default() })?;
+    Ok(setup)
 }
 
 /// Blocks and what is known of them, on the CPU.
@@ -231,17 +226,9 @@ fn compare() -> Result<(), Diagnostic> {
         ("from the frame before, without cracks", "VertexSplitting(start: LastFrame), TriangleSplitting"),
     ];
     let wanted = ["leaf", "leaf_count", "roughness", "height_min", "height_max"];
-    let mut plans = Vec::new();
-    for (_, chain) in chains {
-        plans.push(prepare(chain, &wanted)?);
-    }
-    let mut executors = Vec::new();
-    for (prepared, plan) in &plans {
-        let executor = Executor::new(&gpu, plan, &prepared.data)?;
-        executor.setup()?;
-        executors.push(executor);
-    }
-    let (prepared, plan) = &plans[0];
+    let setups = chains.iter().map(|(_, chain)| set_up(chain, &wanted)).collect::<Result<Vec<_>, _>>()?;
+    let executors = setups.iter().map(|setup| setup.executor(&gpu)).collect::<Result<Vec<_>, _>>()?;
+    let Setup { prepared, plan } = &setups[0];
     let floats = |name: &str| -> Result<Vec<f32>, Diagnostic> {
         Ok(bytemuck::pod_collect_to_vec(&executors[0].read(plan.find(name)?)?))
     };

@@ -1,47 +1,23 @@
-//! Every stage, and what a frame costs outside its kernels: `cargo bench --bench stages`.
+//! The steps of every stage, on the registry's own examples, and what a frame costs outside its kernels: `cargo bench --bench stages`;
+//! a part of a stage's name after `--` chooses.
+//!
+//! Steps are timed inside whole frames: some are not the same when they run twice (a prefix sum in place), so none runs alone again and
+//! again.
 
+use std::path::Path;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use lodlab::experiment::Experiment;
-use lodlab::experiment::diagnostic::{Diagnostic, Source};
-use lodlab::gpu::{Executor, Gpu};
-use lodlab::plan::{Often, Plan};
-use lodlab::run::{self, Options, Prepared};
+use lodlab::experiment::diagnostic::Diagnostic;
+use lodlab::experiment::sweep::read_setting;
+use lodlab::gpu::execute::SubmissionTime;
+use lodlab::gpu::{Gpu, GpuError};
+use lodlab::plan::Often;
+use lodlab::run::{Keep, Setup};
+use lodlab::stages::{Example, REGISTRY};
 
-const SCENE: &str = "scene: (terrain: Noise(kind: Ridged, seed: 4, size: (1025, 1025), height_m: (0, 1500)), \
-     camera: Still(eye: (15000, -200, 2600), look_at: (15000, 20000, 300), clearance_m: 200), viewport: (1024, 768))";
-
-/// Chains that between them have every stage of the registry.
-const CHAINS: [(&str, &str); 6] = [
-    ("grid", "[HeightPyramid, ViewGrid(size: (512, 384)), Project, Rasterize, Shade]"),
-    (
-        "warped, filled",
-        "[HeightPyramid, ViewGrid(size: (512, 384)), AspectImportance, Warp, Project, GridError, Rasterize, Compact, RayFill, Scan(of: \"pixels\")]",
-    ),
-    (
-        "proven",
-        "[HeightPyramid, PlanePyramid, ViewGrid(size: (96, 72)), Project(filter: Finest), GridError(rule: Proven), LeadRays, Rasterize, Compact, RayFill]",
-    ),
-    (
-        "splitting",
-        "[HeightPyramid, Roughness(error: Proven), VertexSplitting(threshold_px: 2), TriangleSplitting, Rasterize, Shade]",
-    ),
-    ("ray cast", "[HeightPyramid, RayCast, Shade]"),
-    (
-        "kernel",
-        "[Kernel(file: \"kernels/smooth.wgsl\", bind: {\"src\": \"height\", \"dst\": New(name: \"smooth\", of: F32, like: \"height\")}, over: \"smooth\")]",
-    ),
-];
-
-fn prepare(stages: &str) -> Result<(Prepared, Plan), Diagnostic> {
-    let text = format!("Experiment({SCENE}, chains: {{\"bench\": {stages}}}, measure: [Time])");
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments");
-    let experiment = Experiment::read(Source::new("bench", text), folder)?;
-    let prepared = run::prepare(&experiment, &[])?.remove(0);
-    let plan = run::plan(&prepared, &Options::default())?;
-    Ok((prepared, plan))
-}
+const SCENE: &str = "terrain: Noise(kind: Ridged, seed: 4, size: (1025, 1025), height_m: (0, 1500)), \
+     camera: Still(eye: (15000, -200, 2600), look_at: (15000, 20000, 300), clearance_m: 200), viewport: (1024, 768)";
 
 fn stages(criterion: &mut Criterion) {
     let gpu = match Gpu::open(None) {
@@ -49,22 +25,56 @@ fn stages(criterion: &mut Criterion) {
         Err(error) => return println!("skipped: {error}"),
     };
     println!("{} {}", gpu.summary.name, gpu.summary.driver);
-    for (name, text) in CHAINS {
-        let (prepared, plan) = prepare(text).unwrap_or_else(|error| panic!("{error}"));
-        let executor = Executor::new(&gpu, &plan, &prepared.data).unwrap_or_else(|error| panic!("{error}"));
-        executor.setup().unwrap_or_else(|error| panic!("{error}"));
-        let mut group = criterion.benchmark_group(name);
-        for (at, step) in plan.steps.iter().enumerate() {
-            let often = if step.often == Often::Once { "once" } else { "frame" };
-            group.bench_function(format!("{} {} ({often})", step.stage, step.label), |bench| {
-                bench.iter(|| executor.step(at, 0).unwrap_or_else(|error| panic!("{error}")));
-            });
+    let folder = match tempfile::tempdir() {
+        Ok(folder) => folder,
+        Err(error) => return println!("skipped: no place for example files ({error})"),
+    };
+    for entry in REGISTRY {
+        for (number, example) in entry.info.examples.iter().enumerate() {
+            let name = format!("{} {}", entry.info.name, number + 1);
+            let setup = set_up(example, folder.path()).unwrap_or_else(|error| panic!("{error}"));
+            bench(criterion, &gpu, &name, &setup).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
-        group.bench_function("whole frame", |bench| {
-            bench.iter(|| executor.frame(0).unwrap_or_else(|error| panic!("{error}")))
-        });
-        group.finish();
     }
+}
+
+/// An example at the sizes that people use.
+fn set_up(example: &Example, folder: &Path) -> Result<Setup, Diagnostic> {
+    for (name, text) in example.files {
+        std::fs::write(folder.join(name), text).map_err(|error| Diagnostic::run(error.to_string()))?;
+    }
+    let text = format!("Experiment(scene: ({SCENE}), chains: {{\"bench\": {}}}, measure: [Time])", example.chain);
+    let set = |(path, value): &(&str, &str)| read_setting(&format!("bench.{path}={value}"));
+    let settings = example.in_benches.iter().map(set).collect::<Result<Vec<_>, _>>()?;
+    Setup::first(text, folder.to_path_buf(), &settings, Keep::Last)
+}
+
+/// The steps of the chain's last stage, and its whole frame.
+fn bench(criterion: &mut Criterion, gpu: &Gpu, name: &str, setup: &Setup) -> Result<(), GpuError> {
+    let executor = setup.executor(gpu)?;
+    let mut group = criterion.benchmark_group(name);
+    let last = setup.plan.steps.iter().map(|step| step.stage_index).max();
+    for (at, step) in setup.plan.steps.iter().enumerate().filter(|(_, step)| Some(step.stage_index) == last) {
+        let is_once = step.often == Often::Once;
+        let run = || if is_once { executor.setup_by_steps() } else { executor.frame_by_steps(0) };
+        let often = if is_once { "once" } else { "frame" };
+        group.bench_function(format!("{} ({often})", step.label), |bench| {
+            bench.iter_custom(|times| {
+                (0..times).map(|_| of_step(run().unwrap_or_else(|error| panic!("{error}")), at)).sum()
+            })
+        });
+    }
+    group.bench_function("whole frame", |bench| {
+        bench.iter(|| executor.frame(0).unwrap_or_else(|error| panic!("{error}")))
+    });
+    group.finish();
+    Ok(())
+}
+
+fn of_step(submission: SubmissionTime, at: usize) -> Duration {
+    let ms = submission.steps.iter().find(|time| time.step == at).and_then(|time| time.ms);
+    // a step takes less than the clock can tell, and criterion no time of nothing
+    Duration::from_secs_f64(ms.unwrap_or(0.0).max(1e-6) / 1e3)
 }
 
 /// Nothing but a submission and the wait for it: what every frame pays at least.

@@ -9,9 +9,9 @@ use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use lodlab::check;
-use lodlab::experiment::parameters::{Parameter, describe};
-use lodlab::experiment::{Experiment};
+use lodlab::experiment::Experiment;
 use lodlab::experiment::diagnostic::Diagnostic;
+use lodlab::experiment::parameters::{Parameter, describe};
 use lodlab::experiment::sweep::{self, Setting};
 use lodlab::gpu::{Gpu, device};
 use lodlab::plan::explain;
@@ -222,7 +222,9 @@ fn show_plans(file: &std::path::Path, settings: Vec<Setting>) -> Result<(), Diag
 
 fn show_stages(name: Option<&str>) -> Result<(), Diagnostic> {
     let Some(name) = name else {
-        stages::REGISTRY.iter().for_each(|entry| say!("{:<17} {:<9} {}", entry.info.name, entry.room, entry.info.summary));
+        stages::REGISTRY
+            .iter()
+            .for_each(|entry| say!("{:<17} {:<9} {}", entry.info.name, entry.room, entry.info.summary));
         measure::REGISTRY.iter().for_each(|info| say!("{:<17} {:<9} {}", info.name, "measure", info.summary));
         return Ok(());
     };
@@ -235,7 +237,8 @@ fn show_stages(name: Option<&str>) -> Result<(), Diagnostic> {
         describe(&(info.parameters)()).iter().for_each(show_parameter);
         return Ok(());
     }
-    let known = stages::REGISTRY.iter().map(|entry| entry.info.name).chain(measure::REGISTRY.iter().map(|info| info.name));
+    let known =
+        stages::REGISTRY.iter().map(|entry| entry.info.name).chain(measure::REGISTRY.iter().map(|info| info.name));
     Err(Diagnostic::input(format!("there is no stage or measure `{name}`")).suggest(name, known))
 }
 

@@ -195,7 +195,9 @@ fn compare_sorted(gpu: &[f64], reference: &Values, difference: &mut Difference) 
     let listed = (0..reference.value.len()).step_by(components).take_while(|&at| !reference.is_gap(at)).count();
     let sorted = |values: &[f64]| {
         let mut rows: Vec<Vec<f64>> = values.chunks_exact(components).take(listed).map(<[f64]>::to_vec).collect();
-        rows.sort_by(|a, b| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(a.len().cmp(&b.len())));
+        rows.sort_by(|a, b| {
+            a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(a.len().cmp(&b.len()))
+        });
         rows.concat()
     };
     // of one list all values have one bound

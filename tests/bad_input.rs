@@ -148,6 +148,23 @@ fn ron_cases() -> Vec<Case> {
         ),
         case("sums of floats", experiment("Project,", "Project, Scan(of: \"height\"),")),
         case("a fill without a list", experiment("Project, Rasterize,", "Project, GridError, Rasterize, RayFill,")),
+        case("errors of nothing", experiment("Rasterize, Shade]", "]").replace("[ScreenError, Time]", "[ErrorBuffer]")),
+        case(
+            "a mesh of nothing",
+            experiment("[HeightPyramid, RayCast]", "[HeightPyramid]").replace("[ScreenError, Time]", "[Mesh]"),
+        ),
+        case(
+            "a picture that is not shaded",
+            experiment("Rasterize, Shade]", "Rasterize]").replace("[ScreenError, Time]", "[Image]"),
+        ),
+        case("a negative measure", experiment("[ScreenError, Time]", "[ScreenError(threshold_px: inf), Time]")),
+        case(
+            "a list where a grid is needed",
+            experiment(
+                "HeightPyramid, RayCast]",
+                "HeightPyramid, Roughness, VertexSplitting, TriangleSplitting, GridError]",
+            ),
+        ),
         case("axis that matches nothing", experiment("grid.ViewGrid.size", "grid.ViewGird.size")),
         case("axis over no chain", experiment("grid.ViewGrid.size", "mesh.ViewGrid.size")),
         case("axis without values", experiment("[(8, 8), (16, 16)]", "[]")),
@@ -277,6 +294,9 @@ fn kernel_cases() -> Vec<Case> {
                 "Kernel(file: \"mine.wgsl\", bind: {\"src\": \"mine\", \"dst\": New(name: \"b\", of: F32, like: \"height\")}, params: (scale: 1), over: \"b\"), HeightPyramid, RayCast]",
             ),
         ),
+        case("errors that are numbers", kernel(&BIND.replace("\"mine\", of: F32", "\"error\", of: F32, as: Error"), "params: (scale: 1), over: \"error\"").replace(", HeightPyramid, RayCast]", "]")),
+        case("a distance of another size", kernel(&BIND.replace("like: \"height\"", "size: (10, 7), as: Distance"), "params: (scale: 1), over: \"mine\"")),
+        case("offered as nothing that is known", kernel(&BIND.replace("of: F32", "of: F32, as: Depth"), &ok)),
         case("over nothing", kernel(BIND, "params: (scale: 1), over: (0, 8)")),
     ]
 }

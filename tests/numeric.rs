@@ -7,7 +7,8 @@ use lodlab::stages::REGISTRY;
 
 fn main() {
     let trials = cases::cases().into_iter().map(|case| Trial::test(case.name.clone(), move || agrees(&case)));
-    let all = trials.chain([Trial::test("every buffer of every stage is compared", every_buffer_is_compared)]).collect();
+    let all =
+        trials.chain([Trial::test("every buffer of every stage is compared", every_buffer_is_compared)]).collect();
     libtest_mimic::run(&Arguments::from_args(), all).exit();
 }
 
@@ -19,15 +20,19 @@ fn agrees(case: &cases::Case) -> Result<(), Failed> {
 }
 
 fn every_buffer_is_compared() -> Result<(), Failed> {
-    let case = cases::cases().into_iter().find(|case| case.name == "anisotropic Triangles").ok_or("the case is gone")?;
-    let outcomes = check::run_case(&Gpu::open(None)?, &case)?;
+    // one of them from outside, where no rays are led, and one from inside
+    let scenes = ["anisotropic Triangles", "slow Triangles", "gentle Triangles"];
+    let gpu = Gpu::open(None)?;
+    let mut outcomes = Vec::new();
+    for case in cases::cases().iter().filter(|case| scenes.contains(&case.name.as_str())) {
+        outcomes.extend(check::run_case(&gpu, case)?);
+    }
     for entry in REGISTRY {
         let info = entry.info;
         let of_stage: Vec<&Outcome> = outcomes.iter().filter(|outcome| outcome.stage == info.name).collect();
         let compared: usize = of_stage.iter().map(|outcome| outcome.local.compared).sum();
         // the fewest are of LeadRays, which has one for 64 pixels
         assert!(compared > 100, "{} is not checked: {compared} values", info.name);
-        assert!(of_stage.iter().any(|o| o.accumulated.compared > 0), "nothing is known of {} in a chain", info.name);
         // stages whose buffers are named by their parameters have other names in their examples
         let is_named = !["Scan", "Compact"].contains(&info.name);
         for buffer in info.writes.iter().filter(|_| is_named) {

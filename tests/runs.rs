@@ -199,9 +199,7 @@ fn records_of(folder: &Path, chains: &str, rest: &str, extra: &[&str]) -> Vec<se
          camera: Still(frames: 3, eye: (900, -100, 1400), look_at: (900, 900, 400)), viewport: (64, 48)), \
          chains: {{{chains}}}, {rest})"
     );
-    std::fs::write(folder.join("made.ron"), text).unwrap();
-    succeeded(&run(folder, &[&["run", "made.ron", "--out", "made"], extra].concat()));
-    records(&folder.join("made"))
+    common::records_of(folder, &text, extra)
 }
 
 /// A kernel that changes a buffer in place runs in every frame if what it changes is made in every frame.
@@ -268,4 +266,62 @@ fn a_stored_cell_is_called_what_this_run_calls_it() {
     let swept = records_of(folder.path(), chain, "sweep: {\"scene.fov_deg\": [60, 50]}, measure: [Time]", &[]);
     let labels: Vec<_> = swept.iter().map(|record| record["settings"][0][1].as_str().unwrap()).collect();
     assert_eq!(labels, ["60", "50"]);
+}
+
+/// Cameras that change together with something else still have the frames that the command line asks for.
+#[test]
+fn frames_go_on_top_of_a_swept_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    let sweep = "sweep: {\"scene.camera, scene.fov_deg\": [(Still(frames: 5, eye: (900, -100, 1400), look_at: (900, 900, 400)), 50), \
+                 (Orbit(frames: 7, center: (900, 900, 0), radius_m: 900, height_m: 700), 60)]}, measure: [Time]";
+    let swept = records_of(folder.path(), "\"cast\": [HeightPyramid, RayCast]", sweep, &["--frames", "2"]);
+    assert_eq!(swept.len(), 2);
+    for record in swept {
+        assert!(record["plan"].as_str().unwrap().contains("2 frame(s)"), "{}", record["plan"]);
+    }
+}
+
+/// What stands in `cells/` and is no record is named, and its cell runs again.
+#[test]
+fn a_record_that_does_not_parse_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let chain = "\"cast\": [HeightPyramid, RayCast]";
+    let record = records_of(folder.path(), chain, "measure: [Time]", &[]).remove(0);
+    let cell = folder.path().join(format!("made/cells/{}.json", record["hash"].as_str().unwrap()));
+    let whole = std::fs::read_to_string(&cell).unwrap();
+    std::fs::write(&cell, &whole[..whole.len() / 2]).unwrap();
+    let again = run(folder.path(), &["run", "made.ron", "--out", "made"]);
+    succeeded(&again);
+    let said = String::from_utf8_lossy(&again.stdout).to_string();
+    assert!(said.contains("is no record of this version") && said.contains("1 cells run"), "{said}");
+}
+
+/// Figures are the same in JSON, CSV and the page.
+#[test]
+fn reports_agree() {
+    let folder = tempfile::tempdir().unwrap();
+    let chains = "\"grid\": [HeightPyramid, ViewGrid(size: (16, 12)), Project, Rasterize, Shade]";
+    let record = records_of(folder.path(), chains, "measure: [ScreenError, Image, Mesh, Time]", &[]).remove(0);
+    let mut csv = csv::Reader::from_path(folder.path().join("made/records.csv")).unwrap();
+    let header = csv.headers().unwrap().clone();
+    let row = csv.records().next().unwrap().unwrap();
+    for name in ["error_max", "error_mean", "psnr", "ssim", "triangles", "largest_cell"] {
+        let at = header.iter().position(|column| column == name).unwrap();
+        assert_eq!(row[at].parse::<f64>().ok(), measure(&record, name), "{name}");
+    }
+    let page = std::fs::read_to_string(folder.path().join("made/report.html")).unwrap();
+    let shown = format!("<td>{}</td>", measure(&record, "triangles").unwrap());
+    assert!(page.contains(&shown) && page.contains("<svg") && page.matches("<img").count() == 2, "{shown}");
+}
+
+/// Several adapters can have one name: each is opened by its place.
+#[test]
+fn adapters_are_opened_one_by_one() {
+    let known = lodlab::gpu::device::list();
+    for (at, adapter) in known.iter().enumerate() {
+        let opened = lodlab::gpu::Gpu::open_nth(at).unwrap().summary;
+        assert_eq!((&opened.name, &opened.backend), (&adapter.name, &adapter.backend));
+        assert!(opened.identity().contains(&adapter.backend));
+    }
+    assert!(lodlab::gpu::Gpu::open_nth(known.len()).is_err());
 }

@@ -99,7 +99,8 @@ pub fn cases() -> Vec<Case> {
     ];
     let of_terrains = terrains.into_iter().map(|(name, terrain)| (name, terrain, orbit));
     let all = of_terrains.chain(views);
-    all.flat_map(|(name, terrain, camera)| surfaces.map(|surface| case(name.into(), terrain, surface, camera))).collect()
+    all.flat_map(|(name, terrain, camera)| surfaces.map(|surface| case(name.into(), terrain, surface, camera)))
+        .collect()
 }
 
 #[cfg(test)]

@@ -97,7 +97,8 @@ pub fn run(gpu: &Gpu) -> Result<Vec<Outcome>, Diagnostic> {
 
 /// Runs the examples of a case on one adapter.
 pub fn run_case(gpu: &Gpu, case: &Case) -> Result<Vec<Outcome>, Diagnostic> {
-    let folder = tempfile::tempdir().map_err(|error| Diagnostic::run(format!("no place for example files: {error}")))?;
+    let folder =
+        tempfile::tempdir().map_err(|error| Diagnostic::run(format!("no place for example files: {error}")))?;
     let mut outcomes = Vec::new();
     for example in &case.examples {
         let setup = set_up(case, example, folder.path())?;

@@ -113,7 +113,8 @@ impl Experiment {
         let both = |a: &str, b: &str| Some((self.resolve(chain, a)?, self.resolve(chain, b)?));
         let overlap = |a: &str, b: &str| both(a, b).is_some_and(|(a, b)| a.starts_with(&b) || b.starts_with(&a));
         // a setting inside of what an axis sets goes on top of each of its values
-        let replaces = |setting: &str, axis: &str| both(setting, axis).is_some_and(|(setting, axis)| axis.starts_with(&setting));
+        let replaces =
+            |setting: &str, axis: &str| both(setting, axis).is_some_and(|(setting, axis)| axis.starts_with(&setting));
         let mut free: Vec<Axis> = Vec::new();
         for axis in &self.axes {
             let set = |path: &&String| settings.iter().any(|setting| replaces(&setting.path, path));

@@ -218,7 +218,8 @@ mod tests {
             ("size", "(4, 5)", Some("2 or more"), "two of them"),
             ("kind", "First", None, "which"),
         ];
-        let expected = expected.map(|(n, d, r, m)| (n.to_string(), d.to_string(), r.map(str::to_string), m.to_string()));
+        let expected =
+            expected.map(|(n, d, r, m)| (n.to_string(), d.to_string(), r.map(str::to_string), m.to_string()));
         assert_eq!(lines, expected);
         assert_eq!(known[3].choices, [("First".to_string(), "the first".to_string())]);
     }

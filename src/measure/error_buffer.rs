@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Figures, Info, Measure, Measured, Seen, Tally, nothing_to_measure, read_as};
+use super::{Figures, Info, Measure, Measured, Seen, Tally, read_as};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
@@ -28,8 +28,7 @@ impl Measure for ErrorBuffer {
         let points = chain.products().latest::<PointErrors<BufferId>>().map(|points| points.errors);
         let drawn = chain.products().latest::<Drawn<BufferId>>();
         if points.is_none() && drawn.is_none() {
-            let what = "the errors of grid points and of what was drawn";
-            return Err(nothing_to_measure(chain, INFO.name, what, "`GridError` and `Rasterize` make them"));
+            return Err(chain.missing::<PointErrors<BufferId>>());
         }
         let pixels = drawn.and_then(|drawn| drawn.error);
         if let Some(pixels) = pixels {

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3, UVec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Column, Figures, Info, Measure, Measured, Seen, Show, Tally, nothing_to_measure, pinholes, read_as};
+use super::{Column, Figures, Info, Measure, Measured, Seen, Show, Tally, pinholes, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
@@ -49,7 +49,7 @@ impl Measure for Mesh {
         match subject.mesh {
             // rays have no mesh, which is no triangles
             None if subject.drawn.is_some() => Ok(Vec::new()),
-            None => Err(nothing_to_measure(chain, INFO.name, "the mesh", "`Project` or `TriangleSplitting` makes one")),
+            None => Err(chain.missing::<product::Mesh<BufferId>>()),
             Some(product::Mesh::Grid(grid)) => {
                 chain.grid_size(grid.vertex, Elem::Vec4F32)?;
                 Ok(vec![grid.vertex])
@@ -320,7 +320,8 @@ mod tests {
     #[test]
     fn a_fold_is_a_triangle_that_is_turned_over() {
         // the vertex in the middle goes past its neighbour to the east
-        let folded = grid_triangles(&grid(|at, [x, y, z, w]| if at == 4 { [x + 1.5, y, z, w] } else { [x, y, z, w] }), 3);
+        let folded =
+            grid_triangles(&grid(|at, [x, y, z, w]| if at == 4 { [x + 1.5, y, z, w] } else { [x, y, z, w] }), 3);
         assert!(folds(&folded) >= 2, "{}", folds(&folded));
     }
 }

@@ -49,10 +49,13 @@ pub struct Info {
     pub version: u32,
     /// What is known of its parameters; see [`parameters::describe`].
     pub parameters: fn() -> Schema,
-    pub read: fn(&Node) -> Result<(Box<dyn Measure>, String), Diagnostic>,
+    pub read: fn(&Node) -> Result<Read, Diagnostic>,
     /// What tables show of it.
     pub columns: &'static [Column],
 }
+
+/// A measure as it was read, with all of its parameters as text, those that are not written among them.
+pub type Read = (Box<dyn Measure>, String);
 
 /// A measure with its parameters.
 pub trait Measure: Debug + Send + Sync {
@@ -153,7 +156,7 @@ pub fn read(call: &MeasureCall) -> Result<Chosen, Diagnostic> {
 }
 
 /// Reads a measure whose parameters are one structure.
-fn read_as<M>(node: &Node) -> Result<(Box<dyn Measure>, String), Diagnostic>
+fn read_as<M>(node: &Node) -> Result<Read, Diagnostic>
 where
     M: Measure + DeserializeOwned + Serialize + JsonSchema + 'static,
 {
@@ -161,11 +164,4 @@ where
     let written = serde_json::to_string(&measure)
         .map_err(|error| Diagnostic::run(error.to_string()).at(&node.origin, "this measure"))?;
     Ok((Box::new(measure), written))
-}
-
-/// The message for a chain that has nothing to measure.
-fn nothing_to_measure(chain: &Chain, measure: &str, what: &str, help: &str) -> Diagnostic {
-    Diagnostic::input(format!("`{measure}` measures {what}, and this chain has none"))
-        .at(chain.origin(), "this measure")
-        .help(help)
 }

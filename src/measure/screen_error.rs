@@ -211,7 +211,8 @@ impl Tally for Summary {
         self.add(&found);
         self.counts.add(&drawn_m, &truth.distance_m);
         if seen.is_pictured() {
-            self.picture = Some(self.heat_map(seen.data.scene.viewport.0, &found.error_px, &drawn_m, &truth.distance_m));
+            self.picture =
+                Some(self.heat_map(seen.data.scene.viewport.0, &found.error_px, &drawn_m, &truth.distance_m));
         }
     }
 
@@ -259,11 +260,12 @@ impl Summary {
     /// Error in pixels from black (none) over red and yellow to white (four thresholds and more); grey is sky, and blue are pixels where
     /// sky and surface are mixed up.
     fn heat_map(&self, width: u32, error_px: &[f32], drawn_m: &[f32], true_m: &[f32]) -> Picture {
-        let colour = |(&error, (&drawn, &truth)): (&f32, (&f32, &f32))| match ((drawn < 0.0) != (truth < 0.0), error.is_nan()) {
-            (true, _) => [40, 90, 255],
-            (false, true) => [70, 74, 80],
-            (false, false) => heat((f64::from(error) / (4.0 * self.threshold_px)).clamp(0.0, 1.0)),
-        };
+        let colour =
+            |(&error, (&drawn, &truth)): (&f32, (&f32, &f32))| match ((drawn < 0.0) != (truth < 0.0), error.is_nan()) {
+                (true, _) => [40, 90, 255],
+                (false, true) => [70, 74, 80],
+                (false, false) => heat((f64::from(error) / (4.0 * self.threshold_px)).clamp(0.0, 1.0)),
+            };
         let rgb = error_px.iter().zip(drawn_m.iter().zip(true_m)).flat_map(colour).collect();
         Picture { kind: "error", width, rgb }
     }

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use glam::UVec2;
 
 use super::product::{Product, Products};
-use super::{Buffer, BufferId, Capacities, Guard, LeftOut, Often, Packing, Plan, SceneData, Step, StepBuilder, Storage, Work};
+use super::{
+    Buffer, BufferId, Capacities, Guard, LeftOut, Often, Packing, Plan, SceneData, Step, StepBuilder, Storage, Work,
+};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::kernel::{Elem, Kernel};
 
@@ -17,6 +19,8 @@ pub struct Announced {
     /// The stages that make a buffer of a name or offer a product.
     pub makers: Option<fn(&str) -> Vec<&'static str>>,
 }
+
+const THIS_STAGE: &str = "this stage";
 
 /// A chain while its stages are asked for their steps, in order.
 pub struct Chain<'a> {
@@ -31,6 +35,8 @@ pub struct Chain<'a> {
     stage: String,
     stage_index: usize,
     pub(super) origin: Origin,
+    /// What stands at the origin: a stage, or a measure.
+    whose: &'static str,
     announced: Announced,
 }
 
@@ -38,7 +44,8 @@ impl<'a> Chain<'a> {
     pub fn new(name: &str, data: &'a SceneData, origin: &Origin) -> Self {
         let size = data.terrain.size;
         let meaning = "height samples, row 0 is north";
-        let height = Buffer { storage: Storage::Input, ..Buffer::new("height", Elem::F32, &[size.y, size.x], "m", meaning) };
+        let height =
+            Buffer { storage: Storage::Input, ..Buffer::new("height", Elem::F32, &[size.y, size.x], "m", meaning) };
         Self {
             data,
             name: name.into(),
@@ -51,6 +58,7 @@ impl<'a> Chain<'a> {
             stage: String::new(),
             stage_index: 0,
             origin: origin.clone(),
+            whose: THIS_STAGE,
             announced: Announced::default(),
         }
     }
@@ -60,6 +68,15 @@ impl<'a> Chain<'a> {
         self.stage = name.into();
         self.stage_index = index;
         self.origin = origin.clone();
+        self.whose = THIS_STAGE;
+    }
+
+    /// Says that the stages are done and a measure looks at what they made; mistakes from now on are the measure's.
+    pub fn begin_measure(&mut self, name: &str, origin: &Origin) {
+        self.stage = name.into();
+        self.origin = origin.clone();
+        self.whose = "this measure";
+        self.announced.later.clear();
     }
 
     pub fn origin(&self) -> &Origin {
@@ -80,7 +97,7 @@ impl<'a> Chain<'a> {
     pub fn read(&self, name: &str) -> Result<BufferId, Diagnostic> {
         self.find(name).ok_or_else(|| {
             let message = format!("`{}` needs the buffer `{name}`, which no stage before it makes", self.stage);
-            let message = Diagnostic::input(message).at(&self.origin, "this stage");
+            let message = Diagnostic::input(message).at(&self.origin, self.whose);
             match self.whose_turn_comes(name) {
                 Some(help) => message.help(help),
                 None => message.suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str())),
@@ -90,14 +107,17 @@ impl<'a> Chain<'a> {
 
     /// The latest product of a kind that a stage before this one offered.
     pub fn latest<P: Product<BufferId>>(&self) -> Result<P, Diagnostic> {
-        self.products.latest().ok_or_else(|| {
-            let message = format!("`{}` needs {}, which no stage before it makes", self.stage, P::WHAT);
-            let message = Diagnostic::input(message).at(&self.origin, "this stage");
-            match self.whose_turn_comes(P::WHAT) {
-                Some(help) => message.help(help),
-                None => message,
-            }
-        })
+        self.products.latest().ok_or_else(|| self.missing::<P>())
+    }
+
+    /// The message for a product that nobody offered.
+    pub fn missing<P: Product<BufferId>>(&self) -> Diagnostic {
+        let message = format!("`{}` needs {}, which no stage before it makes", self.stage, P::WHAT);
+        let message = Diagnostic::input(message).at(&self.origin, self.whose);
+        match self.whose_turn_comes(P::WHAT) {
+            Some(help) => message.help(help),
+            None => message,
+        }
     }
 
     /// Who makes a buffer or a product: a stage further down, or stages that are not in the chain.
@@ -143,7 +163,7 @@ impl<'a> Chain<'a> {
                 self.buffer(id).name,
                 step.kernel.name
             ))
-            .at(&self.origin, "this stage")
+            .at(&self.origin, self.whose)
             .help("give what your kernel makes another name")),
         }
     }
@@ -158,7 +178,7 @@ impl<'a> Chain<'a> {
             "`{}` needs `{}` as {elem:?} {dims:?}, but here it is {:?} {:?}",
             self.stage, buffer.name, buffer.elem, buffer.dims
         );
-        Err(Diagnostic::input(message).at(&self.origin, "this stage"))
+        Err(Diagnostic::input(message).at(&self.origin, self.whose))
     }
 
     /// Columns and rows of a grid of any size with at least two of either.
@@ -167,7 +187,7 @@ impl<'a> Chain<'a> {
         match buffer.dims[..] {
             [rows, columns] if rows >= 2 && columns >= 2 && buffer.elem == elem => Ok(UVec2::new(columns, rows)),
             _ => Err(Diagnostic::input(format!("`{}` needs `{}` as a grid of {elem:?}", self.stage, buffer.name))
-                .at(&self.origin, "this stage")
+                .at(&self.origin, self.whose)
                 .help("at least two rows and two columns")),
         }
     }
@@ -182,7 +202,14 @@ impl<'a> Chain<'a> {
     }
 
     /// A buffer with memory of its own: its contents survive the frame, for the next frame or for the host to look at. Zeros at first.
-    pub fn make_lasting(&mut self, name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> BufferId {
+    pub fn make_lasting(
+        &mut self,
+        name: &str,
+        elem: Elem,
+        dims: &[u32],
+        unit: &'static str,
+        meaning: &str,
+    ) -> BufferId {
         let id = self.make(name, elem, dims, unit, meaning);
         self.buffers[id.0].lasts = true;
         id

@@ -304,6 +304,9 @@ impl Plan {
         }
         prune::resolve_optional(&mut plan, demand.keep_everything);
         alias::assign(&mut plan, demand.keep_everything);
+        // what is left out has no list to overflow
+        let guards = std::mem::take(&mut plan.guards);
+        plan.guards = guards.into_iter().filter(|guard| plan.lives(guard.needed)).collect();
         plan
     }
 

@@ -132,3 +132,45 @@ fn short(value: &f64) -> String {
         _ => format!("{value:.0e}"),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn point(chain: &str, ms: f64, error_px: f64) -> Point<'_> {
+        Point { chain, label: chain.into(), ms, error_px }
+    }
+
+    #[test]
+    fn the_front_has_what_nothing_beats() {
+        let points = [
+            point("a", 1.0, 8.0),
+            point("b", 2.0, 4.0),
+            point("c", 3.0, 4.0),
+            point("d", 4.0, 1.0),
+            point("e", 5.0, 2.0),
+        ];
+        let names: Vec<&str> = front(&points).iter().map(|point| point.chain).collect();
+        assert_eq!(names, ["a", "b", "d"]);
+        // of two equal points both are on it
+        assert_eq!(front(&[point("a", 1.0, 1.0), point("b", 1.0, 1.0)]).len(), 2);
+    }
+
+    #[test]
+    fn decades_are_equally_wide_and_high() {
+        let points = [point("a", 1.0, 0.01), point("a", 10.0, 0.1), point("a", 100.0, 1.0)];
+        let mut text = String::new();
+        draw(&mut text, "title", &points).unwrap();
+        let number = |part: &str, name: &str| -> f64 {
+            part.split_once(&format!("{name}=\"")).unwrap().1.split('"').next().unwrap().parse().unwrap()
+        };
+        let circles: Vec<(f64, f64)> =
+            text.split("<circle").skip(1).map(|part| (number(part, "cx"), number(part, "cy"))).collect();
+        assert_eq!(circles.len(), 3, "{text}");
+        let steps: Vec<(f64, f64)> =
+            circles.windows(2).map(|pair| (pair[1].0 - pair[0].0, pair[1].1 - pair[0].1)).collect();
+        // more time is to the right, more error up; places are whole pixels
+        assert!(steps[0].0 > 100.0 && (steps[0].0 - steps[1].0).abs() <= 1.0, "{steps:?}");
+        assert!(steps[0].1 < -50.0 && (steps[0].1 - steps[1].1).abs() <= 1.0, "{steps:?}");
+    }
+}

@@ -41,7 +41,8 @@ pub struct Identity {
 
 impl Identity {
     pub fn hash(&self) -> String {
-        let carried_out = (&self.plan, &self.truth, &self.frames, &self.measures, &self.terrain, &self.adapter, self.format);
+        let carried_out =
+            (&self.plan, &self.truth, &self.frames, &self.measures, &self.terrain, &self.adapter, self.format);
         // a tuple of strings always serializes
         let text = serde_json::to_string(&carried_out).unwrap_or_default();
         blake3::hash(text.as_bytes()).to_hex().as_str()[..16].to_string()

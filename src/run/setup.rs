@@ -94,8 +94,9 @@ impl Prepared {
         let mut chain = self.chain(capacities)?;
         let mut outputs: Vec<BufferId> = Vec::new();
         for (call, chosen) in self.cell.measures.iter().zip(&self.measures) {
-            chain.begin_stage(&call.name, self.stages.len(), &call.node.head());
-            outputs.extend(chosen.measure.needs(&chain).map_err(|error| error.or_at(&call.node.head(), "measured here"))?);
+            chain.begin_measure(&call.name, &call.node.head());
+            outputs
+                .extend(chosen.measure.needs(&chain).map_err(|error| error.or_at(&call.node.head(), "measured here"))?);
         }
         // with only the clock looked at, what the chain is for is what its last step makes
         if outputs.is_empty() {

@@ -95,7 +95,12 @@ struct Inputs {
 
 impl Inputs {
     /// A step with what the kernels of both rules are told.
-    fn step<'c, 'a>(&self, chain: &'c mut Chain<'a>, file: &str, entry: &str) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+    fn step<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        file: &str,
+        entry: &str,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
         let layout = bounds_layout(chain.data.terrain.size);
         let kernel = Kernel::built_in(file)?;
         Ok(chain

@@ -24,7 +24,8 @@ pub const INFO: Info = Info {
     parameters: schema::<Project>,
     read: read_as::<Project>,
     examples: &[
-        Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project]").in_benches(&[("ViewGrid.size", "(512, 384)")]),
+        Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project]")
+            .in_benches(&[("ViewGrid.size", "(512, 384)")]),
         Example::new("[HeightPyramid(max_level: 2), ViewGrid(size: (2, 5)), Project(filter: Bilinear)]")
             .in_benches(&[("ViewGrid.size", "(512, 384)")]),
     ],

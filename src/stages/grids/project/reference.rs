@@ -60,7 +60,8 @@ impl Project {
         let sample = terrain.sample_from_world(here + eye_m.truncate()).clamp(DVec2::ZERO, last);
         let off_cells = off_m / terrain.cell_m.min_element() + 8.0 * EPSILON * last.max_element();
         let layout = Layout::new(terrain.size);
-        let is_made = |level: &u32| heights.means.value.get(layout.index(*level, 0, 0)).is_some_and(|mean| !mean.is_nan());
+        let is_made =
+            |level: &u32| heights.means.value.get(layout.index(*level, 0, 0)).is_some_and(|mean| !mean.is_nan());
         let made = (1..=layout.top).take_while(is_made).last().unwrap_or(0);
         let field = Pyramid {
             heights,

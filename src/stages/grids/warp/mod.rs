@@ -20,7 +20,9 @@ pub const INFO: Info = Info {
     parameters: schema::<Warp>,
     read: read_as::<Warp>,
     examples: &[
-        Example::new("[ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1)]"),
+        Example::new(
+            "[ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1)]",
+        ),
         Example::new("[ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
     ],

@@ -49,7 +49,6 @@ impl Default for Compact {
 /// Elements a workgroup takes that visits the list: threads of a workgroup of `ray_fill.wgsl`.
 const VISITORS: u32 = 64;
 
-
 /// The most rows of a buffer that `place_of` of `kernels/lib/place.wgsl` finds again.
 const MOST_TALL: u32 = 1 << 23;
 

@@ -20,7 +20,8 @@ impl Reference for Compact {
         // an element whose bound reaches across the value may be listed or not, and moves all after it
         let reaches = |at: usize| {
             let (value, bound) = (source.value[at], source.bound[at]);
-            bound > 0.0 && (value.is_nan() || (value - above).abs() <= bound)
+            // the smallest of all bounds says that a value is what it is
+            bound > f64::MIN_POSITIVE && (value.is_nan() || (value - above).abs() <= bound)
         };
         let open = (0..source.value.len()).any(reaches);
         let bound = if open { f64::INFINITY } else { 0.0 };

@@ -18,7 +18,9 @@ pub const INFO: Info = Info {
     writes: &["sums", "sums_total"],
     parameters: schema::<Scan>,
     read: read_as::<Scan>,
-    examples: &[Example::new("[HeightPyramid, Roughness, VertexSplitting(threshold_px: 5), Scan(of: \"split\", to: \"split_before\")]")],
+    examples: &[Example::new(
+        "[HeightPyramid, Roughness, VertexSplitting(threshold_px: 5), Scan(of: \"split\", to: \"split_before\")]",
+    )],
     ..Info::EMPTY
 };
 

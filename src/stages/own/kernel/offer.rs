@@ -44,12 +44,14 @@ impl New {
     /// Refuses a buffer that is not what it is offered as.
     pub fn check(&self, chain: &Chain, id: BufferId) -> Result<(), Diagnostic> {
         let (columns, rows) = chain.data.scene.viewport;
-        match self.offered()? {
-            None => Ok(()),
-            Some(Offered::Distance | Offered::Error) => chain.check_kind(id, Elem::F32, &[rows, columns]),
-            Some(Offered::Colour) => chain.check_kind(id, Elem::U32, &[rows, columns]),
-            Some(Offered::Grid) => chain.grid_size(id, Elem::Vec4F32).map(|_| ()),
-        }
+        let Some(offered) = self.offered()? else { return Ok(()) };
+        let checked = match offered {
+            Offered::Distance | Offered::Error => chain.check_kind(id, Elem::F32, &[rows, columns]),
+            Offered::Colour => chain.check_kind(id, Elem::U32, &[rows, columns]),
+            Offered::Grid => chain.grid_size(id, Elem::Vec4F32).map(|_| ()),
+        };
+        let said = |error: &Diagnostic| format!("`{}` is offered as `{offered:?}`: {}", self.name, error.message);
+        checked.map_err(|error| Diagnostic { message: said(&error), ..error })
     }
 }
 

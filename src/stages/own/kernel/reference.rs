@@ -45,7 +45,10 @@ fn curvature(frame: &Frame, source: &Values, scale: f64) -> Values {
             let [a, b, c] = [at - step, at, at + step];
             let (v, off) = (&source.value, &source.bound);
             let terms = v[a].abs() + 2.0 * v[b].abs() + v[c].abs();
-            ((v[a] - 2.0 * v[b] + v[c]) / side_m.powi(2), (8.0 * EPSILON * terms + off[a] + 2.0 * off[b] + off[c]) / side_m.powi(2))
+            (
+                (v[a] - 2.0 * v[b] + v[c]) / side_m.powi(2),
+                (8.0 * EPSILON * terms + off[a] + 2.0 * off[b] + off[c]) / side_m.powi(2),
+            )
         };
         let (across, along) = (line(1, cell_m.x), line(columns as usize, cell_m.y));
         let value = scale * (across.0 + along.0);

@@ -53,8 +53,10 @@ fn strip(chain: &Chain, size: UVec2) -> Result<Vertices, Diagnostic> {
     let triangles = 2 * u64::from(size.x - 1) * u64::from(size.y - 1);
     match (u32::try_from(vertices), u32::try_from(triangles)) {
         (Ok(vertices), Ok(triangles)) => Ok(Vertices::Strip { vertices, triangles }),
-        _ => Err(Diagnostic::input(format!("a mesh of {} x {} vertices has too many triangles to draw", size.x, size.y))
-            .at(chain.origin(), "this stage")),
+        _ => {
+            Err(Diagnostic::input(format!("a mesh of {} x {} vertices has too many triangles to draw", size.x, size.y))
+                .at(chain.origin(), "this stage"))
+        }
     }
 }
 

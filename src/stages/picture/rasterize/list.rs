@@ -30,10 +30,8 @@ pub(super) fn plan(chain: &mut Chain, list: List<BufferId>) -> Result<Drawn<Buff
     let draw = list_step(chain, "draw", is_proven)?;
     draw.bind("triangle", list.triangle).bind("samples", height).draw_list(list.count, drawn, "keep")?;
     let (columns, rows) = chain.data.scene.viewport;
-    let resolve = list_step(chain, "resolve", is_proven)?
-        .bind("height", height)
-        .bind("drawn", drawn)
-        .bind("distance", distance);
+    let resolve =
+        list_step(chain, "resolve", is_proven)?.bind("height", height).bind("drawn", drawn).bind("distance", distance);
     let resolve = match traversed {
         Some(known) => resolve.bind("height_max", known.highest).bind("height_min", known.lowest),
         None => resolve.leave_unbound("height_max").leave_unbound("height_min"),

@@ -41,7 +41,6 @@ pub const INFO: Info = Info {
         .only_on(Surface::Triangles)
         .in_benches(&[("VertexSplitting.threshold_px", "2")]),
     ],
-    ..Info::EMPTY
 };
 
 /// Draws the latest mesh: a grid or a list, each in a file of its own.

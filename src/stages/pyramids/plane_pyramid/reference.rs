@@ -11,7 +11,8 @@ impl Reference for PlanePyramid {
         let layout = bounds_layout(size);
         let height = buffers.get("height")?;
         let largest_m = frame.data.range_m.0.abs().max(frame.data.range_m.1.abs());
-        let mut planes = Planes { values: Values::missing(&layout.dims(), 2), slopes: Vec::new(), off_slope: Vec::new() };
+        let mut planes =
+            Planes { values: Values::missing(&layout.dims(), 2), slopes: Vec::new(), off_slope: Vec::new() };
         planes.slopes.resize(planes.values.value.len() / 2, DVec2::ZERO);
         planes.off_slope.resize(planes.slopes.len(), 0.0);
         for level in 1..=layout.top {

@@ -22,10 +22,7 @@ pub const INFO: Info = Info {
     offers: &[what::<product::Roughness<()>>()],
     parameters: schema::<Roughness>,
     read: read_as::<Roughness>,
-    examples: &[
-        Example::new("[Roughness]"),
-        Example::new("[Roughness(error: Proven)]").only_on(Surface::Triangles),
-    ],
+    examples: &[Example::new("[Roughness]"), Example::new("[Roughness(error: Proven)]").only_on(Surface::Triangles)],
     ..Info::EMPTY
 };
 

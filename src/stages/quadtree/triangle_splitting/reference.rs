@@ -10,7 +10,8 @@ impl Reference for TriangleSplitting {
         let last = frame.data.terrain.size - 1;
         let layout = bounds_layout(frame.data.terrain.size);
         let known: Blocks<_> = buffers.latest()?;
-        let (leaves, count, split) = (buffers.values(known.leaf), buffers.values(known.count), buffers.values(known.split));
+        let (leaves, count, split) =
+            (buffers.values(known.leaf), buffers.values(known.count), buffers.values(known.split));
         let mut triangles = Vec::new();
         for leaf in 0..count.value[3] as usize {
             let (centre, level) = (leaves.value[2 * leaf] as u32, leaves.value[2 * leaf + 1] as u32 >> 1);

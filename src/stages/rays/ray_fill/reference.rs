@@ -4,47 +4,83 @@ use rayon::prelude::*;
 use super::RayFill;
 use crate::experiment::scene::Surface;
 use crate::plan::product::{Drawn, Listing};
-use crate::reference::{Absent, Buffers, Frame, Reference};
+use crate::reference::{Absent, Buffers, Frame, Reference, ValuesId};
 use crate::stages::shared::border::border_margin_m;
 use crate::stages::shared::first_hit::first_hit;
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for RayFill {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let pixels = buffers.get(&self.pixels)?;
-        let count = buffers.get(&format!("{}_count", self.pixels))?;
         let drawn: Drawn<_> = buffers.latest()?;
         let mut distance = (*buffers.values(drawn.distance)).clone();
-        if count.bound[3].is_infinite() {
+        let threshold_px = drawn.promise.filter(|promise| promise.proven).map(|promise| promise.bound_px);
+        let Some(blocks) = self.blocks(frame, buffers, &drawn)? else {
             // any pixel may be on the list
             distance.bound.fill(f64::INFINITY);
             buffers.replace(drawn.distance, distance);
             return Ok(());
-        }
-        let count = count.value[3] as usize;
-        let width = frame.camera.viewport.0 as usize;
-        let list = buffers.find(&self.pixels);
-        let is_list = |listing: &Listing<_>| Some(listing.numbers) == list;
-        let rows = buffers.products().find(is_list).map_or(1, |listing| listing.rows as usize);
-        let error = drawn.error.map(|error| buffers.values(error)).ok_or_else(|| Absent("the error of each pixel".into()))?;
-        let threshold_px = drawn.promise.filter(|promise| promise.proven).map(|promise| promise.bound_px);
-        let steepest = if rows == 1 { 0.0 } else { frame.data.steepest() };
+        };
+        let steepest = if blocks.rows == 1 { 0.0 } else { frame.data.steepest() };
         let shared = Shared { frame, bound_px: threshold_px, steepest };
-        let hits: Vec<(usize, f64, f64)> = pixels.value[..count.min(pixels.value.len())]
-            .par_iter()
-            .flat_map_iter(|&number| {
-                let (x, y) = (number as usize % width, number as usize / width);
-                if rows == 1 {
-                    return vec![(x, y, first_hit(frame, centre(x, y)))];
-                }
-                let listed = (y..y + rows).filter(|y| error.value.get(y * width + x).is_some_and(|&error| error > 0.0));
-                shared.block(x, &listed.collect::<Vec<_>>())
-            })
-            .map(|(x, y, (value, bound))| (y * width + x, value, bound))
-            .collect();
-        hits.into_iter().for_each(|(number, value, bound)| distance.set(number, value, bound));
+        let show = |Block { x, rows, is_sure }: &Block| match (is_sure, blocks.rows) {
+            (false, _) => rows.iter().map(|&y| (*x, y, (f64::NAN, f64::INFINITY))).collect(),
+            (true, 1) => rows.iter().map(|&y| (*x, y, first_hit(frame, centre(*x, y)))).collect(),
+            (true, _) => shared.block(*x, rows),
+        };
+        let shown: Vec<Vec<(usize, usize, (f64, f64))>> = blocks.listed.par_iter().map(show).collect();
+        let width = frame.camera.viewport.0 as usize;
+        for (x, y, (value, bound)) in shown.into_iter().flatten() {
+            distance.set(y * width + x, value, bound);
+        }
         buffers.replace(drawn.distance, distance);
         Ok(())
+    }
+}
+
+/// The blocks of pixels that are filled.
+struct Blocks {
+    /// The most rows of a block.
+    rows: usize,
+    listed: Vec<Block>,
+}
+
+struct Block {
+    x: usize,
+    /// The rows of its pixels that are over the bound.
+    rows: Vec<usize>,
+    /// Rounding cannot turn which ones they are.
+    is_sure: bool,
+}
+
+impl RayFill {
+    /// What is on the list. Where it was made of the picture's own error, that says it pixel by pixel, also if rounding decides a few; of
+    /// another list that rounding decides, nothing is known.
+    fn blocks(&self, frame: &Frame, buffers: &Buffers, drawn: &Drawn<ValuesId>) -> Result<Option<Blocks>, Absent> {
+        let (pixels, count) = (buffers.get(&self.pixels)?, buffers.get(&format!("{}_count", self.pixels))?);
+        let id = drawn.error.ok_or_else(|| Absent("the error of each pixel".into()))?;
+        let error = buffers.values(id);
+        let (width, height) = (frame.camera.viewport.0 as usize, frame.camera.viewport.1 as usize);
+        let list = buffers.find(&self.pixels);
+        let is_own = |listing: &Listing<_>| Some(listing.numbers) == list && listing.of == id && listing.above == 0.0;
+        let Some(listing) = buffers.products().find(is_own) else {
+            let pixel = |number: &f64| (*number as usize % width, vec![*number as usize / width]);
+            let listed = pixels.value.iter().take(count.value[3] as usize).map(pixel);
+            let listed = listed.map(|(x, rows)| Block { x, rows, is_sure: true }).collect();
+            return Ok((!count.bound[3].is_infinite()).then_some(Blocks { rows: 1, listed }));
+        };
+        let rows = listing.rows as usize;
+        let is_open = |at: usize| {
+            let (value, bound) = (error.value[at], error.bound[at]);
+            bound > f64::MIN_POSITIVE && (value.is_nan() || value.abs() <= bound)
+        };
+        let block = |(y, x): (usize, usize)| {
+            let all = y..(y + rows).min(height);
+            let open = all.clone().any(|y| is_open(y * width + x));
+            let over = |y: &usize| open || error.value[y * width + x] > 0.0;
+            Block { x, rows: all.filter(over).collect(), is_sure: !open }
+        };
+        let listed = (0..height).step_by(rows).flat_map(|y| (0..width).map(move |x| (y, x))).map(block).collect();
+        Ok(Some(Blocks { rows, listed }))
     }
 }
 

@@ -113,7 +113,8 @@ impl Triangles {
                 volume.signum() * edge.dot(ray) / pixels.max(1e-300)
             });
             let margin = inside.into_iter().fold(f64::MAX, f64::min);
-            let slack = ANY_ADAPTER_SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
+            let slack =
+                ANY_ADAPTER_SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
             if margin < -slack {
                 continue;
             }
@@ -146,7 +147,8 @@ impl Triangles {
                 + rim_off;
             // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
             let along = normal.length() * length / steep.abs();
-            let border_off = off + ANY_ADAPTER_SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);
+            let border_off =
+                off + ANY_ADAPTER_SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);
             let border = if self.is_cut { border_margin_m(frame, ray * t) } else { f64::INFINITY };
             if border < -border_off {
                 continue;
