@@ -100,21 +100,22 @@ pub fn run_case(gpu: &Gpu, case: &Case) -> Result<Vec<Outcome>, Diagnostic> {
     let folder =
         tempfile::tempdir().map_err(|error| Diagnostic::run(format!("no place for example files: {error}")))?;
     let mut outcomes = Vec::new();
-    for example in &case.examples {
+    for (number, example) in case.examples.iter().enumerate() {
         let setup = set_up(case, example, folder.path())?;
         let known = known::find(&gpu.summary.name, example.chain);
+        let name = format!("{} {}", case.name, number + 1);
         match (gpu.check_plan(&setup.plan), known) {
             (Err(GpuError::Limit { .. }), Some(known)) => {
-                outcomes.push(Outcome::of_chain(&case.name, example.chain, Verdict::DoesNotFit(known.reason)));
+                outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::DoesNotFit(known.reason)));
             }
             (Err(error), _) => {
-                outcomes.push(Outcome::of_chain(&case.name, example.chain, Verdict::Failed(error.to_string())));
+                outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::Failed(error.to_string())));
             }
             (Ok(()), Some(known)) => {
                 let why = format!("it fits, though it is listed: {}", known.reason);
-                outcomes.push(Outcome::of_chain(&case.name, example.chain, Verdict::Failed(why)));
+                outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::Failed(why)));
             }
-            (Ok(()), None) => outcomes.extend(check_chain(gpu, &setup, &case.name)?),
+            (Ok(()), None) => outcomes.extend(check_chain(gpu, &setup, &name)?),
         }
     }
     Ok(outcomes)
