@@ -41,6 +41,7 @@ stages! {
     rays: [ray_cast, lead_rays, ray_fill],
     picture: [rasterize, shade],
     lists: [scan, compact],
+    maps: [slope],
     own: [kernel],
 }
 

@@ -1,0 +1,56 @@
+// How steep the ground is at each height sample, and which way it falls. Beyond the border the ground goes on as it is there.
+
+struct Params {
+    /// Columns and rows of samples.
+    size: vec2<u32>,
+    /// Metres between columns and between rows.
+    cell_m: vec2<f32>,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> height: array<f32>;
+/// Degrees from level.
+@group(0) @binding(2) var<storage, read_write> slope: array<f32>;
+/// Degrees clockwise from north; -1 where the ground is level.
+@group(0) @binding(3) var<storage, read_write> aspect: array<f32>;
+
+/// Differences of the rows and columns beside count half as much as those through the sample (Horn 1981); without, not at all.
+override HORN: bool = true;
+override WRITE_SLOPE: bool = true;
+override WRITE_ASPECT: bool = true;
+
+fn at(sample: vec2<i32>) -> f32 {
+    let inside = vec2<u32>(clamp(sample, vec2(0), vec2<i32>(params.size) - 1));
+    return height[inside.y * params.size.x + inside.x];
+}
+
+/// From one side of a sample to the other, `along` being a step there.
+fn difference(sample: vec2<i32>, along: vec2<i32>) -> f32 {
+    return at(sample + along) - at(sample - along);
+}
+
+@compute @workgroup_size(8, 8)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.size) {
+        return;
+    }
+    let sample = vec2<i32>(id.xy);
+    let east = vec2(1, 0);
+    let north = vec2(0, -1);
+    var rise = vec2(difference(sample, east), difference(sample, north)) * 0.5;
+    if HORN {
+        let beside = vec2(difference(sample + north, east) + difference(sample - north, east),
+                          difference(sample + east, north) + difference(sample - east, north));
+        rise = 0.5 * rise + 0.125 * beside;
+    }
+    let gradient = rise / params.cell_m;
+    let index = id.y * params.size.x + id.x;
+    if WRITE_SLOPE {
+        slope[index] = degrees(atan(length(gradient)));
+    }
+    if WRITE_ASPECT {
+        // the way that water runs
+        let clockwise = degrees(atan2(-gradient.x, -gradient.y));
+        aspect[index] = select(select(clockwise, clockwise + 360.0, clockwise < 0.0), -1.0, all(gradient == vec2(0.0)));
+    }
+}

@@ -1,0 +1,61 @@
+mod reference;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::kernel::{Elem, Kernel};
+use crate::plan::Chain;
+use crate::stages::{Example, Info, Stage, read_as};
+
+pub const INFO: Info = Info {
+    name: "Slope",
+    summary: "how steep the ground is at each height sample, and which way it falls",
+    formula: "slope = atan |g|; aspect = atan2(-g_east, -g_north); g by differences over a 3 x 3 window",
+    source: "Horn 1981, Hill shading and the reflectance map, Eq. for p and q",
+    reads: &["height"],
+    writes: &["slope", "aspect"],
+    parameters: schema::<Slope>,
+    read: read_as::<Slope>,
+    examples: &[Example::new("[Slope]"), Example::new("[Slope(differences: Central)]")],
+    ..Info::EMPTY
+};
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Slope {
+    /// which differences the gradient is taken from
+    differences: Differences,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+enum Differences {
+    /// through the sample, and through its neighbours with half the weight
+    #[default]
+    Horn,
+    /// through the sample alone
+    Central,
+}
+
+impl Stage for Slope {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let size = chain.data.terrain.size;
+        let cell_m = chain.data.terrain.cell_m.as_vec2();
+        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        let dims = [size.y, size.x];
+        let slope = chain.make("slope", Elem::F32, &dims, "degrees", "angle of the ground with a level plane");
+        let aspect =
+            chain.make("aspect", Elem::F32, &dims, "degrees", "the way the ground falls, clockwise from north");
+        chain.set_missing_below_zero(aspect);
+        chain
+            .step("slope", &Kernel::built_in("maps/slope.wgsl")?, "main")
+            .bind("height", height)
+            .bind_if_wanted("slope", slope, "WRITE_SLOPE")
+            .bind_if_wanted("aspect", aspect, "WRITE_ASPECT")
+            .constant("HORN", f64::from(self.differences == Differences::Horn))
+            .set("size", size.to_array())
+            .set("cell_m", cell_m.to_array())
+            .over(size)
+    }
+}
