@@ -27,13 +27,13 @@ pub const INFO: Info = Info {
 pub struct Mesh {}
 
 /// What there is to measure: the mesh that was drawn, or one that nobody drew.
-struct Subject {
-    mesh: Option<product::Mesh<BufferId>>,
-    drawn: Option<Drawn<BufferId>>,
+pub struct Subject {
+    pub mesh: Option<product::Mesh<BufferId>>,
+    pub drawn: Option<Drawn<BufferId>>,
 }
 
 impl Subject {
-    fn of(products: &Products<BufferId>) -> Self {
+    pub fn of(products: &Products<BufferId>) -> Self {
         let drawn: Option<Drawn<BufferId>> = products.latest();
         let mesh = match drawn {
             Some(drawn) => drawn.mesh,
@@ -43,12 +43,11 @@ impl Subject {
     }
 }
 
-impl Measure for Mesh {
-    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
-        let subject = Subject::of(chain.products());
-        match subject.mesh {
-            // rays have no mesh, which is no triangles
-            None if subject.drawn.is_some() => Ok(Vec::new()),
+impl Subject {
+    /// The buffers of the mesh; rays have none, which is no triangles.
+    pub fn buffers(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        match self.mesh {
+            None if self.drawn.is_some() => Ok(Vec::new()),
             None => Err(chain.missing::<product::Mesh<BufferId>>()),
             Some(product::Mesh::Grid(grid)) => {
                 chain.grid_size(grid.vertex, Elem::Vec4F32)?;
@@ -57,11 +56,19 @@ impl Measure for Mesh {
             Some(product::Mesh::List(list)) => {
                 chain.check_own(list.triangle)?;
                 chain.check_own(list.count)?;
-                // its pinholes are seen in what was drawn of it
-                let distance = subject.drawn.map(|drawn| drawn.distance);
-                Ok(distance.into_iter().chain([list.count, list.triangle]).collect())
+                Ok(vec![list.count, list.triangle])
             }
         }
+    }
+}
+
+impl Measure for Mesh {
+    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        let subject = Subject::of(chain.products());
+        // the pinholes of a list are seen in what was drawn of it
+        let is_list = matches!(subject.mesh, Some(product::Mesh::List(_)));
+        let distance = subject.drawn.filter(|_| is_list).map(|drawn| drawn.distance);
+        Ok(distance.into_iter().chain(subject.buffers(chain)?).collect())
     }
 
     fn wants_truth(&self) -> bool {

@@ -27,7 +27,7 @@ impl Reference for RayFill {
             (true, 1) => rows.iter().map(|&y| (*x, y, first_hit(frame, centre(*x, y)))).collect(),
             (true, _) => shared.block(*x, rows),
         };
-        let shown: Vec<Vec<(usize, usize, (f64, f64))>> = blocks.listed.par_iter().map(show).collect();
+        let shown: Vec<Vec<Shows>> = blocks.listed.par_iter().map(show).collect();
         let width = frame.camera.viewport.0 as usize;
         for (x, y, (value, bound)) in shown.into_iter().flatten() {
             distance.set(y * width + x, value, bound);
@@ -36,6 +36,9 @@ impl Reference for RayFill {
         Ok(())
     }
 }
+
+/// Column and row of a pixel, and the distance that it shows with its bound.
+type Shows = (usize, usize, (f64, f64));
 
 /// The blocks of pixels that are filled.
 struct Blocks {
@@ -107,7 +110,7 @@ impl Shared<'_> {
     }
 
     /// What the pixels of some rows of a column show, each with its bound.
-    fn block(&self, x: usize, rows: &[usize]) -> Vec<(usize, usize, (f64, f64))> {
+    fn block(&self, x: usize, rows: &[usize]) -> Vec<Shows> {
         let each = || rows.iter().map(|&y| (x, y, first_hit(self.frame, centre(x, y)))).collect();
         let undecided = || rows.iter().map(|&y| (x, y, (f64::NAN, f64::INFINITY))).collect();
         let (Some(&first), Some(&last)) = (rows.first(), rows.last()) else { return Vec::new() };
