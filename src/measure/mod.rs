@@ -37,6 +37,7 @@ measures! {
     image,
     time,
     mesh,
+    vertex_error,
     error_buffer,
     coverage,
 }

@@ -1,0 +1,132 @@
+//! How far a mesh's vertices are from the surface, in pixels: the error of a method's heights alone, without what triangles do between
+//! them (Livny et al. 2008, tables 5 and 6).
+
+use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::mesh::{Listed, Subject};
+use super::{Figures, Info, Measure, Measured, Seen, Tally, read_as};
+use crate::camera::Camera;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::experiment::scene::Surface;
+use crate::plan::product::Mesh;
+use crate::plan::{BufferId, Chain};
+use crate::terrain::HeightField;
+
+pub const INFO: Info = Info {
+    name: "VertexError",
+    summary: "pixel distance between each vertex in the picture and the surface over or under it; share of vertices outside the picture",
+    version: 1,
+    parameters: schema::<VertexError>,
+    read: read_as::<VertexError>,
+    columns: &[],
+};
+
+#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct VertexError {}
+
+impl Measure for VertexError {
+    fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
+        Subject::of(chain.products()).buffers(chain)
+    }
+
+    fn begin(&self) -> Box<dyn Tally> {
+        Box::new(Sums::default())
+    }
+}
+
+/// Sums over the vertices of all frames.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    vertices: usize,
+    /// Vertices in the picture and over the terrain, which the errors are of.
+    seen: usize,
+    sum_px: f64,
+    sum_of_squares: f64,
+    largest_px: f64,
+}
+
+impl Sums {
+    /// `vertex` is relative to the eye, in metres.
+    fn add(&mut self, terrain: &HeightField, surface: Surface, camera: &Camera, vertex: DVec3) {
+        self.vertices += 1;
+        let point = vertex + camera.eye_m;
+        let ground = point.truncate();
+        let is_on_terrain = ground.cmpge(DVec2::ZERO).all() && ground.cmple(terrain.extent_m()).all();
+        let size = DVec2::new(camera.viewport.0.into(), camera.viewport.1.into());
+        let in_picture = |pixel: &DVec2| pixel.cmpge(DVec2::ZERO).all() && pixel.cmple(size).all();
+        let Some(pixel) = camera.pixel(point).filter(in_picture).filter(|_| is_on_terrain) else { return };
+        let truth = ground.extend(terrain.surface_m(ground, surface));
+        // a surface behind the eye is as far off as anything in the picture can be
+        let error_px = camera.pixel(truth).map_or(size.length(), |place| place.distance(pixel).min(size.length()));
+        self.seen += 1;
+        self.sum_px += error_px;
+        self.sum_of_squares += error_px * error_px;
+        self.largest_px = self.largest_px.max(error_px);
+    }
+}
+
+impl Tally for Sums {
+    fn frame(&mut self, seen: &Seen) {
+        let (terrain, surface, camera) = (&seen.data.terrain, seen.data.scene.surface, seen.camera());
+        match Subject::of(&seen.plan.products).mesh {
+            None => {}
+            Some(Mesh::Grid(grid)) => {
+                let vertices: Vec<[f32; 4]> = seen.read(grid.vertex);
+                for [x, y, z, _] in vertices {
+                    self.add(terrain, surface, camera, DVec3::new(x.into(), y.into(), z.into()));
+                }
+            }
+            Some(Mesh::List(list)) => {
+                // corners are samples; one that several triangles share counts for each of them
+                let corners = seen.read::<u32>(list.count).first().copied().unwrap_or(0);
+                let placed = Listed::new(&seen.read(list.triangle), corners).placed(terrain, camera);
+                for corner in placed.corners.iter().flatten() {
+                    self.add(terrain, surface, camera, DVec3::from(corner.map(f64::from)));
+                }
+            }
+        }
+    }
+
+    fn finish(self: Box<Self>) -> Figures {
+        let mean = |sum: f64| (self.seen > 0).then(|| sum / self.seen as f64);
+        let outside = (self.vertices > 0).then(|| 1.0 - self.seen as f64 / self.vertices as f64);
+        vec![
+            Measured::new("vertex_error_max", (self.seen > 0).then_some(self.largest_px), "px"),
+            Measured::new("vertex_error_mean", mean(self.sum_px), "px"),
+            Measured::new("vertex_error_rms", mean(self.sum_of_squares).map(f64::sqrt), "px"),
+            Measured::new("vertices_outside", outside, "of vertices"),
+        ]
+        .into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment::diagnostic::Source;
+    use crate::experiment::scene::Scene;
+    use crate::experiment::tree::Node;
+
+    #[test]
+    fn a_vertex_is_off_by_what_it_is_raised() {
+        let scene = "(terrain: Shape(kind: Flat, size: (33, 33), cell_m: 10, height_m: (50, 50)), camera: Still(eye: (160, 0, 50)), \
+                     viewport: (200, 100), fov_deg: 90)";
+        let scene: Scene = Node::read(&Source::new("test", scene)).unwrap().parse().unwrap();
+        let terrain = HeightField::load(&scene.terrain, "".as_ref()).unwrap();
+        let camera = Camera::looking_at(DVec3::new(160.0, 0.0, 50.0), DVec3::new(160.0, 100.0, 50.0), &scene);
+        let mut sums = Sums::default();
+        // 100 m away, half of 100 rows are 100 m: half a pixel a metre
+        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(0.0, 100.0, 0.0));
+        assert!(sums.largest_px < 1e-9);
+        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(0.0, 100.0, 6.0));
+        assert!((sums.largest_px - 3.0).abs() < 1e-9, "{}", sums.largest_px);
+        // behind the eye, beside the terrain
+        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(0.0, -100.0, 0.0));
+        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(500.0, 1000.0, 0.0));
+        assert_eq!((sums.vertices, sums.seen), (4, 2));
+    }
+}
