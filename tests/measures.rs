@@ -4,6 +4,7 @@ mod common;
 
 use common::{errors, lodlab, measure, records_of, run};
 use glam::{DVec2, DVec3};
+use lodlab::experiment::parameters::describe;
 use lodlab::measure::{mesh::Triangles, pinholes};
 use lodlab::run::{Keep, Setup};
 
@@ -50,6 +51,42 @@ fn what_there_is_not_is_said() {
     let records =
         records_of(folder.path(), &experiment("\"rays\": [HeightPyramid, RayCast]", "ErrorBuffer, Mesh"), &[]);
     assert_eq!((measure(&records[0], "flagged"), measure(&records[0], "triangles")), (None, Some(0.0)));
+}
+
+/// Every measure of the registry, over each kind of mesh and over rays: what it finds has units, and is the same twice.
+#[test]
+fn every_measure_measures_what_is_drawn() {
+    let folder = tempfile::tempdir().unwrap();
+    let chains = format!(
+        "\"grid\": [HeightPyramid, ViewGrid(size: (16, 12)), Project, GridError, Rasterize, Shade], \
+         \"list\": [{LIST}, Rasterize, Shade], \"rays\": [HeightPyramid, RayCast, Shade]"
+    );
+    for info in lodlab::measure::REGISTRY {
+        assert!(info.version > 0 && !info.summary.is_empty(), "{}", info.name);
+        for parameter in describe(&(info.parameters)()) {
+            assert!(
+                parameter.default.is_some() && !parameter.meaning.is_empty(),
+                "`{}` of {}",
+                parameter.name,
+                info.name
+            );
+        }
+        let text = experiment(&chains, info.name);
+        let figures = |extra: &[&str]| {
+            records_of(folder.path(), &text, extra)
+                .into_iter()
+                .map(|record| record["measures"].clone())
+                .collect::<Vec<_>>()
+        };
+        let first = figures(&[]);
+        assert_eq!(first, figures(&["--force"]), "{}", info.name);
+        let is_measured = |measures: &serde_json::Value| measures.as_array().is_some_and(|all| !all.is_empty());
+        assert_eq!(is_measured(&first[0]), info.name != "Time", "{}", info.name);
+        for column in info.columns.iter().filter(|column| column.figure != "frame_ms") {
+            let has = |measures: &serde_json::Value| measures.to_string().contains(column.figure);
+            assert!(has(&first[0]), "the column `{}` shows no figure of {}", column.heading, info.name);
+        }
+    }
 }
 
 /// A user's kernel that makes distances, under a name of its own and offered as such.
