@@ -6,7 +6,16 @@ use super::chain::Chain;
 use super::{BufferId, SceneData, Series, Step, Storage, Value, Vertices, Work};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::{Diagnostic, Origin};
-use crate::kernel::{BindingKind, FieldKind};
+use crate::kernel::{Binding, BindingKind, FieldKind};
+
+/// Buffers that a step's kernel touches.
+#[derive(Default)]
+struct Touched {
+    reads: Vec<BufferId>,
+    /// Written buffers whose previous contents are read.
+    in_place: Vec<BufferId>,
+    writes: Vec<BufferId>,
+}
 
 /// Finished with [`StepBuilder::over`], [`StepBuilder::over_indirect`] or one of the draws.
 pub struct StepBuilder<'c, 'a> {
@@ -138,94 +147,99 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
 
     /// Checks the step against its kernel's reflection and adds it to the chain.
     fn push(mut self) -> Result<(), Diagnostic> {
-        let mut entries = vec![self.step.kernel.entry(&self.step.entry)?];
+        let kernel = self.step.kernel.clone();
+        let mut entries = vec![kernel.entry(&self.step.entry)?];
         if let Work::Draw { fragment, .. } = &self.step.work {
-            entries.push(self.step.kernel.entry(fragment)?);
+            entries.push(kernel.entry(fragment)?);
         }
-        let (mut reads, mut in_place, mut writes) = (Vec::new(), Vec::new(), Vec::new());
-        for binding in entries.iter().flat_map(|entry| &entry.bindings) {
-            let attached = self.step.bindings.iter().map(|(name, id)| (name, *id));
-            let optional = self.step.optional.iter().map(|(name, id, _)| (name, *id));
-            let buffer = attached.chain(optional).find(|(name, _)| **name == binding.name).map(|(_, id)| id);
-            match (&binding.kind, buffer) {
-                (BindingKind::Params(structure), _) => self.check_params(structure)?,
-                (BindingKind::Sampler, _) => {}
-                (_, None) if self.step.unused.contains(&binding.name) => {}
-                (_, None) => {
-                    return Err(self.mistake(format!("`{}` is not bound to a buffer", binding.name), &binding.origin));
-                }
-                (BindingKind::Storage { elem, read, written }, Some(id)) => {
-                    let buffer = self.chain.buffer(id);
-                    if buffer.storage == Storage::Target {
-                        let message = format!("`{}` is a render target; bind it as `texture_2d<u32>`", buffer.name);
-                        return Err(self.mistake(message, &binding.origin));
-                    }
-                    if !buffer.elem.binds_as(*elem) {
-                        let message = format!(
-                            "`{}` is an array of {elem:?}, but the buffer `{}` holds {:?}",
-                            binding.name, buffer.name, buffer.elem
-                        );
-                        return Err(self.mistake(message, &binding.origin));
-                    }
-                    match (*read, *written) {
-                        (_, false) => reads.push(id),
-                        // an update in place: the previous contents are an input
-                        (true, true) if self.chain.steps.iter().any(|step| step.writes.contains(&id)) => {
-                            in_place.push(id);
-                            writes.push(id);
-                        }
-                        _ => writes.push(id),
-                    }
-                }
-                (BindingKind::Image { float }, Some(id)) => {
-                    let buffer = self.chain.buffer(id);
-                    let storage = if *float { Storage::Input } else { Storage::Target };
-                    if buffer.storage != storage {
-                        let what = if *float { "the terrain" } else { "a render target" };
-                        let message = format!(
-                            "`{}` is an image of {what}, which the buffer `{}` is not",
-                            binding.name, buffer.name
-                        );
-                        return Err(self.mistake(message, &binding.origin));
-                    }
-                    reads.push(id);
-                }
-            }
+        let bindings: Vec<&Binding> = entries.iter().flat_map(|entry| &entry.bindings).collect();
+        let mut touched = Touched::default();
+        for binding in &bindings {
+            self.check_binding(binding, &mut touched)?;
         }
-        if let Some(&id) =
-            writes.iter().find(|&id| self.chain.buffer(*id).storage == Storage::Input || reads.contains(id))
-        {
-            let name = &self.chain.buffer(id).name;
-            let what = if reads.contains(&id) {
-                "is read and written by the same kernel"
-            } else {
-                "is the terrain and cannot be written"
-            };
-            return Err(Diagnostic::input(format!("`{name}` {what}"))
-                .at(&self.chain.origin, "this stage")
-                .help("write a new buffer, or use `ping_pong`"));
-        }
-        let known: Vec<&String> =
-            entries.iter().flat_map(|entry| &entry.bindings).map(|binding| &binding.name).collect();
-        if let Some((name, _)) = self.step.bindings.iter().find(|(name, _)| !known.contains(&name)) {
-            return Err(Diagnostic::input(format!("the kernel `{}` uses no binding `{name}`", self.step.kernel.name))
+        self.check_writes(&touched)?;
+        let known = || bindings.iter().map(|binding| binding.name.as_str());
+        if let Some((name, _)) = self.step.bindings.iter().find(|(name, _)| known().all(|other| other != name)) {
+            return Err(Diagnostic::input(format!("the kernel `{}` uses no binding `{name}`", kernel.name))
                 .at(&self.chain.origin, "bound here")
-                .suggest(name, known.iter().map(|name| name.as_str())));
+                .suggest(name, known()));
         }
-        let used: Vec<String> = entries
-            .iter()
-            .flat_map(|entry| &entry.bindings)
-            .flat_map(|binding| match &binding.kind {
-                BindingKind::Params(structure) => structure.fields.iter().map(|field| field.name.clone()).collect(),
-                _ => Vec::new(),
-            })
-            .collect();
-        self.step.params.retain(|(name, _)| used.contains(name));
-        self.step.reads.extend(reads);
-        self.step.reads.extend(in_place);
-        self.step.writes.extend(writes);
+        let fields = bindings.iter().filter_map(|binding| match &binding.kind {
+            BindingKind::Params(structure) => Some(&structure.fields),
+            _ => None,
+        });
+        let used: Vec<&str> = fields.flatten().map(|field| field.name.as_str()).collect();
+        self.step.params.retain(|(name, _)| used.contains(&name.as_str()));
+        self.step.reads.extend(touched.reads);
+        self.step.reads.extend(touched.in_place);
+        self.step.writes.extend(touched.writes);
         self.chain.steps.push(self.step);
         Ok(())
+    }
+
+    /// The buffer that is attached to a variable, wanted or not.
+    fn attached(&self, variable: &str) -> Option<BufferId> {
+        let always = self.step.bindings.iter().map(|(name, id)| (name, *id));
+        let optional = self.step.optional.iter().map(|(name, id, _)| (name, *id));
+        always.chain(optional).find(|(name, _)| *name == variable).map(|(_, id)| id)
+    }
+
+    /// Refuses a buffer that is not what the variable declares, and notes how the kernel uses it.
+    fn check_binding(&self, binding: &Binding, touched: &mut Touched) -> Result<(), Diagnostic> {
+        let Binding { name, kind, origin, .. } = binding;
+        match (kind, self.attached(name)) {
+            (BindingKind::Params(structure), _) => self.check_params(structure),
+            (BindingKind::Sampler, _) => Ok(()),
+            (_, None) if self.step.unused.contains(name) => Ok(()),
+            (_, None) => Err(self.mistake(format!("`{name}` is not bound to a buffer"), origin)),
+            (BindingKind::Storage { elem, read, written }, Some(id)) => {
+                let buffer = self.chain.buffer(id);
+                if buffer.storage == Storage::Target {
+                    let message = format!("`{}` is a render target; bind it as `texture_2d<u32>`", buffer.name);
+                    return Err(self.mistake(message, origin));
+                }
+                if !buffer.elem.binds_as(*elem) {
+                    let (held, buffer) = (buffer.elem, &buffer.name);
+                    let message = format!("`{name}` is an array of {elem:?}, but the buffer `{buffer}` holds {held:?}");
+                    return Err(self.mistake(message, origin));
+                }
+                // an update in place: the previous contents are an input
+                let updates = *read && self.chain.steps.iter().any(|step| step.writes.contains(&id));
+                match *written {
+                    false => touched.reads.push(id),
+                    true => touched.writes.push(id),
+                }
+                if *written && updates {
+                    touched.in_place.push(id);
+                }
+                Ok(())
+            }
+            (BindingKind::Image { float }, Some(id)) => {
+                let buffer = self.chain.buffer(id);
+                let (storage, what) =
+                    if *float { (Storage::Input, "the terrain") } else { (Storage::Target, "a render target") };
+                if buffer.storage != storage {
+                    let message = format!("`{name}` is an image of {what}, which the buffer `{}` is not", buffer.name);
+                    return Err(self.mistake(message, origin));
+                }
+                touched.reads.push(id);
+                Ok(())
+            }
+        }
+    }
+
+    /// Refuses to write what the kernel reads under another name, or the terrain.
+    fn check_writes(&self, touched: &Touched) -> Result<(), Diagnostic> {
+        let is_read = |id: &BufferId| touched.reads.contains(id);
+        let is_terrain = |id: &BufferId| self.chain.buffer(*id).storage == Storage::Input;
+        let Some(id) = touched.writes.iter().find(|id| is_terrain(id) || is_read(id)) else { return Ok(()) };
+        let what = match is_read(id) {
+            true => "is read and written by the same kernel",
+            false => "is the terrain and cannot be written",
+        };
+        Err(Diagnostic::input(format!("`{}` {what}", self.chain.buffer(*id).name))
+            .at(&self.chain.origin, "this stage")
+            .help("write a new buffer, or use `ping_pong`"))
     }
 
     fn check_params(&self, structure: &crate::kernel::Structure) -> Result<(), Diagnostic> {

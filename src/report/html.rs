@@ -69,14 +69,7 @@ fn write_page(
         html,
         "<h2>Pictures</h2><p>Final image and screen-space error of the middle frame: black is none, white four thresholds or more, grey sky, blue sky and surface mixed up.</p>"
     )?;
-    for cell in pictures {
-        write!(html, "<figure>")?;
-        for png in [&cell.image, &cell.error].into_iter().flatten() {
-            let data = base64::engine::general_purpose::STANDARD.encode(png);
-            write!(html, "<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(&cell.label))?;
-        }
-        write!(html, "<figcaption>{}</figcaption></figure>", escape(&cell.label))?;
-    }
+    write_pictures(html, pictures)?;
     write!(html, "<h2>Plans</h2>")?;
     for record in records {
         write!(
@@ -87,6 +80,18 @@ fn write_page(
         )?;
     }
     write!(html, "</html>")
+}
+
+fn write_pictures(html: &mut String, pictures: &[Pictures]) -> std::fmt::Result {
+    for cell in pictures {
+        write!(html, "<figure>")?;
+        for png in [&cell.image, &cell.error].into_iter().flatten() {
+            let data = base64::engine::general_purpose::STANDARD.encode(png);
+            write!(html, "<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(&cell.label))?;
+        }
+        write!(html, "<figcaption>{}</figcaption></figure>", escape(&cell.label))?;
+    }
+    Ok(())
 }
 
 fn write_kernels(html: &mut String, records: &[Record]) -> std::fmt::Result {

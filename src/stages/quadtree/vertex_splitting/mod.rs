@@ -1,4 +1,5 @@
 mod blocks;
+mod lists;
 mod motion;
 mod reference;
 
@@ -14,8 +15,8 @@ use crate::kernel::{Elem, Kernel};
 use crate::plan::product::{Blocks, Promise, Roughness, what};
 use crate::plan::{BufferId, Chain, StepBuilder};
 use crate::stages::shared::prefix_sums::over_runs;
-use crate::stages::shared::pyramid::{Layout, bounds_layout};
 use crate::stages::{Example, Info, Stage, read_as};
+use lists::{Lists, Tree, region_level};
 use motion::{most_of, sides, so_far, turn};
 
 pub const INFO: Info = Info {
@@ -81,129 +82,6 @@ impl Default for VertexSplitting {
             carry_size: true,
             capacity: 1 << 17,
         }
-    }
-}
-
-/// Threads of a workgroup; `GROUP` of the kernel.
-const GROUP: u32 = 64;
-
-/// The buffers of the stage, and what its steps have in common.
-struct Lists {
-    inputs: [BufferId; 4],
-    live: [BufferId; 2],
-    choice: BufferId,
-    wanted: BufferId,
-    place: BufferId,
-    leaf: BufferId,
-    leaf_count: BufferId,
-    split: BufferId,
-    needed: BufferId,
-    tree: Option<Tree>,
-    capacities: [u32; 3],
-    layout: Layout,
-    proven: bool,
-}
-
-/// What is kept from frame to frame.
-struct Tree {
-    nodes: BufferId,
-    count: BufferId,
-    work: BufferId,
-    closed: BufferId,
-    rest: BufferId,
-    clear_work: BufferId,
-    stale: BufferId,
-    stale_work: BufferId,
-    suspects: BufferId,
-    suspect_work: BufferId,
-}
-
-/// How many levels below the root the regions are in which something may be split no more.
-const REGIONS_BELOW: u32 = 9;
-
-fn region_level(layout: Layout) -> u32 {
-    layout.top.saturating_sub(REGIONS_BELOW).max(1)
-}
-
-impl Lists {
-    fn make(stage: &VertexSplitting, chain: &mut Chain) -> Result<Self, Diagnostic> {
-        let size = chain.data.terrain.size;
-        let layout = bounds_layout(size);
-        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
-        let keeps = stage.start == Start::LastFrame;
-        let pyramid = |name: &str| -> Result<BufferId, Diagnostic> {
-            let id = chain.read_as(name, Elem::F32, &layout.dims())?;
-            // what is left for the next frame holds as long as these do not change
-            if keeps {
-                chain.check_own(id)?;
-            }
-            Ok(id)
-        };
-        let inputs = [height, pyramid("height_min")?, pyramid("height_max")?, pyramid("roughness")?];
-        let is_known = |known: &Roughness<BufferId>| known.roughness == inputs[3];
-        let proven = chain.products().find(is_known).is_some_and(|known| known.is_bound);
-        let needed = chain.make_lasting(
-            "splitting_needed",
-            Elem::U32,
-            &[4],
-            "",
-            "longest lists of leaves, vertices, tree; did one overflow",
-        );
-        let lists = ["leaf", "live", "tree"].map(|list| {
-            // whole workgroups write what they found, past the list's end as well
-            chain.capacity(list, stage.capacity).next_multiple_of(GROUP)
-        });
-        for (at, list) in ["leaf", "live", "tree"].into_iter().enumerate().take(if keeps { 3 } else { 2 }) {
-            chain.guard(list, lists[at], needed, at);
-        }
-        let [leaves, live, nodes] = lists;
-        let visited = if keeps { live.max(nodes) } else { live };
-        let vertices = "centre of a block in half cells, 16 bits each; flag and level";
-        let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
-        let regions = layout.size(region_level(layout)).element_product().div_ceil(32).next_multiple_of(4);
-        let halves = "all nodes of the quadtree: of the frame before, and of this one";
-        let tree = keeps.then(|| Tree {
-            nodes: chain.make_lasting("tree", Elem::Vec2U32, &[2, nodes], "", halves),
-            count: chain.make_lasting("tree_count", Elem::U32, &[3], "", "nodes before, which half is now, nodes now"),
-            work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
-            rest: chain.make_lasting(
-                "tree_rest",
-                Elem::Vec4F32,
-                &[2, nodes],
-                "",
-                "how long what became of each node holds",
-            ),
-            stale: chain.make("stale", Elem::U32, &[nodes], "", "nodes to look at again, in any order"),
-            stale_work: chain.make("stale_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
-            suspects: chain.make("suspects", Elem::U32, &[nodes], "", "nodes that may be gone, in any order"),
-            suspect_work: chain.make("suspect_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
-            clear_work: chain.make("clear_work", Elem::U32, &[4], "", "workgroups along x, y, z; vectors to clear"),
-            closed: chain.make("closed", Elem::U32, &[regions], "", "a bit for each region: a block is split no more"),
-        });
-        Ok(Self {
-            inputs,
-            live: ["live_a", "live_b"].map(|name| chain.make(name, Elem::Vec2U32, &[live], "", vertices)),
-            choice: chain.make(
-                "choice",
-                Elem::U32,
-                &[visited],
-                "",
-                "what becomes of each vertex, and what those before append",
-            ),
-            wanted: chain.make("wanted", Elem::Vec4U32, &[visited / GROUP], "", "what each workgroup appends"),
-            place: chain.make("place", Elem::Vec4U32, &[visited / GROUP], "", "where each workgroup appends"),
-            leaf: chain.make("leaf", Elem::Vec2U32, &[leaves], "", vertices),
-            leaf_count: chain.make("leaf_count", Elem::U32, &[4], "", "workgroups along x, y, z; how many leaves"),
-            split: match keeps {
-                true => chain.make_lasting("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
-                false => chain.make("split", Elem::U32, &[words], "", "a bit for each block: it is split"),
-            },
-            needed,
-            tree,
-            capacities: lists,
-            layout,
-            proven,
-        })
     }
 }
 

@@ -1,5 +1,6 @@
 use super::blocks::Quadtree;
-use super::{GROUP, Start, VertexSplitting};
+use super::lists::GROUP;
+use super::{Start, VertexSplitting};
 use crate::plan::product::{Blocks, Promise, Roughness};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::pyramid::bounds_layout;

@@ -91,13 +91,7 @@ impl Triangles {
         }
         let aside = |step: DVec3| (raised * (step - ray * (normal.dot(step) / steep))).truncate().length_squared();
         let beside_m = 2.0 * f64::from(PROOF_SNAP_PX) * (aside(right) + aside(down)).sqrt();
-        let low = corners.into_iter().fold(DVec3::MAX, DVec3::min).truncate();
-        let high = corners.into_iter().fold(DVec3::MIN, DVec3::max).truncate();
-        // the footprint: a rim of 1/64 and a quarter as deep behind (docs/proven_bound.md), less a hundredth for rounding
-        let edge_m = 0.99 / 64.0 * (high - low).max_element();
-        let reach = corners.map(|corner| corner.truncate().length());
-        let (nearest, farthest) = reach.iter().fold((f64::MAX, 0.0f64), |(l, h), &r| (l.min(r), h.max(r)));
-        let behind = 1.0 + 0.99 * 0.25 * (1.0 - nearest / farthest);
+        let (edge_m, behind) = footprint(corners);
         let t = (under_d / under.dot(ray)).max(raised);
         let (least, most) = raises.iter().fold((f64::MAX, f64::MIN), |(l, h), &r| (l.min(r), h.max(r)));
         let start = (raised + 4.0 / 64.0 * (most - least) * normal.z / steep).max(0.0);
@@ -116,4 +110,14 @@ impl Triangles {
         }
         Some(((start * per_t, off * t * per_t), (error, 0.01 + off)))
     }
+}
+
+/// The ground on which the bound of a triangle holds (docs/proven_bound.md): a rim of 1/64 of its size, and by how many times its distance it
+/// goes on behind it; both less a hundredth for rounding.
+fn footprint(corners: [DVec3; 3]) -> (f64, f64) {
+    let low = corners.into_iter().fold(DVec3::MAX, DVec3::min).truncate();
+    let high = corners.into_iter().fold(DVec3::MIN, DVec3::max).truncate();
+    let reach = corners.map(|corner| corner.truncate().length());
+    let (nearest, farthest) = reach.iter().fold((f64::MAX, 0.0f64), |(l, h), &r| (l.min(r), h.max(r)));
+    (0.99 / 64.0 * (high - low).max_element(), 1.0 + 0.99 * 0.25 * (1.0 - nearest / farthest))
 }

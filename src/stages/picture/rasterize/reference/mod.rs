@@ -32,7 +32,7 @@ impl Reference for Rasterize {
         let is_grid = matches!(mesh, Mesh::Grid(_));
         let threshold_px = promise.filter(|_| is_grid).map(|promise| promise.bound_px);
         let (width, tall) = frame.camera.viewport;
-        let clear_until = buffers.get("clear_until").ok();
+        let sky = Sky { frame, clear_until: buffers.get("clear_until").ok() };
         let seen = |y: u32, x: u32| {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             if triangles.is_open {
@@ -44,12 +44,7 @@ impl Reference for Rasterize {
                 return ((f64::NAN, f64::INFINITY), (f64::NAN, f64::INFINITY));
             }
             if hit.triangle.is_none() && triangles.is_proven() {
-                let tile = (y / TILE * width.div_ceil(TILE) + x / TILE) as usize;
-                let is_sky = |clear: &Arc<Values>| !frame.data.sees_underside && clear.value[tile] > 1e38;
-                let led = !frame.data.sees_underside;
-                let unknown = led && clear_until.as_ref().is_some_and(|clear| clear.bound[tile] > 0.0);
-                let open = if hit.distance.1.is_infinite() || unknown { f64::INFINITY } else { f64::MIN_POSITIVE };
-                return (hit.distance, (f64::from(!clear_until.as_ref().is_some_and(is_sky)), open));
+                return (hit.distance, sky.error(x, y, hit.distance.1));
             }
             triangles.error(frame, pixel, &hit, threshold_px)
         };
@@ -68,5 +63,23 @@ impl Reference for Rasterize {
         let error = threshold_px.map(|_| buffers.put("error", error));
         buffers.offer(Drawn { distance, error, mesh: Some(mesh), promise });
         Ok(())
+    }
+}
+
+/// What is known of the pixels that a proven mesh does not cover: whether the rays of their tile meet nothing.
+struct Sky<'a> {
+    frame: &'a Frame<'a>,
+    clear_until: Option<Arc<Values>>,
+}
+
+impl Sky<'_> {
+    /// The error of a pixel without a triangle, with its bound.
+    fn error(&self, x: u32, y: u32, bound: f64) -> (f64, f64) {
+        let tile = (y / TILE * self.frame.camera.viewport.0.div_ceil(TILE) + x / TILE) as usize;
+        let led = self.clear_until.as_ref().filter(|_| !self.frame.data.sees_underside);
+        let is_sky = led.is_some_and(|clear| clear.value[tile] > 1e38);
+        let is_unknown = led.is_some_and(|clear| clear.bound[tile] > 0.0);
+        let open = if bound.is_infinite() || is_unknown { f64::INFINITY } else { f64::MIN_POSITIVE };
+        (f64::from(!is_sky), open)
     }
 }

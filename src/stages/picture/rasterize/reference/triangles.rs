@@ -99,74 +99,113 @@ impl Triangles {
 
     /// The nearest triangle on a pixel's ray.
     pub(super) fn nearest(&self, frame: &Frame, pixel: DVec2) -> Hit {
-        let camera = frame.camera;
-        let [right, down, corner] = camera.pixel_basis();
-        let ray = corner + right * pixel.x + down * pixel.y;
+        let view = View::new(frame, pixel);
         let (mut value, mut bound, mut nearest) = (f64::INFINITY, f64::MIN_POSITIVE, None);
         // hits that the rasterizer may or may not see
         let mut doubtful: Vec<(f64, f64)> = Vec::new();
-        for (number, (triangle, &bound_m)) in self.triangles.iter().zip(&self.bounds_m).enumerate() {
-            let [a, b, c] = *triangle;
-            let volume = a.dot(b.cross(c));
-            let inside = [a.cross(b), b.cross(c), c.cross(a)].map(|edge| {
-                let pixels = DVec2::new(edge.dot(right), edge.dot(down)).length();
-                volume.signum() * edge.dot(ray) / pixels.max(1e-300)
-            });
-            let margin = inside.into_iter().fold(f64::MAX, f64::min);
-            let slack =
-                ANY_ADAPTER_SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
-            if margin < -slack {
-                continue;
-            }
-            let normal = (b - a).cross(c - a);
-            let steep = normal.dot(ray);
-            // t is the depth, which is linear on the triangle
-            let depths = [a, b, c].map(|corner| corner.dot(camera.forward()));
-            let (near, far) = depths.iter().fold((f64::MAX, 0.0f64), |(low, high), &z| (low.min(z), high.max(z)));
-            let mut t = (normal.dot(a) / steep).max(near.max(0.0)).min(far);
-            let mut rim_off = 0.0;
-            if !self.is_cut && margin < slack {
-                // beside a triangle of a list, its rim counts
-                let weights =
-                    DVec3::from([b.cross(c), c.cross(a), a.cross(b)].map(|edge| volume.signum() * edge.dot(ray)));
-                let inside = weights.max(DVec3::ZERO);
-                let rim = (inside.dot(depths.into()) / inside.element_sum()).max(near.max(0.0)).min(far);
-                // a bound is kept by looking at the surface itself there
-                rim_off = if self.casts_beside { f64::INFINITY } else { (rim - t).abs() * ray.length() };
-                t = if margin < 0.0 { rim } else { t };
-            }
-            let in_front = t * camera.forward().dot(ray) > self.near_m;
-            if !in_front || steep == 0.0 {
-                continue;
-            }
-            let length = ray.length();
-            let spread = (b - a).length() * (c - a).length();
-            let reach = a.length().max(b.length()).max(c.length());
-            let off = length * (16.0 * EPSILON * reach * spread + bound_m * normal.length()) / steep.abs()
-                + 4.0 * EPSILON * t * length
-                + rim_off;
-            // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
-            let along = normal.length() * length / steep.abs();
-            let border_off =
-                off + ANY_ADAPTER_SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);
-            let border = if self.is_cut { border_margin_m(frame, ray * t) } else { f64::INFINITY };
-            if border < -border_off {
-                continue;
-            }
-            if margin < slack || border < border_off {
-                doubtful.push((t * length, off));
-            } else if t * length < value {
-                (value, bound, nearest) = (t * length, off, Some(number));
+        for number in 0..self.triangles.len() {
+            match self.meet(&view, number) {
+                Some(Met { distance, off, is_doubtful: true }) => doubtful.push((distance, off)),
+                Some(Met { distance, off, .. }) if distance < value => {
+                    (value, bound, nearest) = (distance, off, Some(number));
+                }
+                _ => {}
             }
         }
-        for (t, off) in doubtful {
-            if t < value + bound {
+        for (distance, off) in doubtful {
+            if distance < value + bound {
                 // seen or not, the answer is one of the two; far apart, nothing can be said
-                let apart = (value - t).abs();
-                bound = if apart < 0.02 * t { bound.max(off) + apart } else { f64::INFINITY };
+                let apart = (value - distance).abs();
+                bound = if apart < 0.02 * distance { bound.max(off) + apart } else { f64::INFINITY };
             }
         }
         let value = if value.is_infinite() { f64::NAN } else { value };
         Hit { distance: (value, bound), triangle: nearest }
     }
+
+    /// Where a ray meets one triangle, or passes so close beside it that a rasterizer may draw it.
+    fn meet(&self, view: &View, number: usize) -> Option<Met> {
+        let View { frame, ray, right, down } = *view;
+        let ([a, b, c], bound_m) = (self.triangles[number], self.bounds_m[number]);
+        let volume = a.dot(b.cross(c));
+        let inside = [a.cross(b), b.cross(c), c.cross(a)].map(|edge| {
+            let pixels = DVec2::new(edge.dot(right), edge.dot(down)).length();
+            volume.signum() * edge.dot(ray) / pixels.max(1e-300)
+        });
+        let margin = inside.into_iter().fold(f64::MAX, f64::min);
+        let slack =
+            ANY_ADAPTER_SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
+        if margin < -slack {
+            return None;
+        }
+        let normal = (b - a).cross(c - a);
+        let steep = normal.dot(ray);
+        let (t, rim_off) = self.depth(view, number, margin < slack, margin < 0.0);
+        let in_front = t * frame.camera.forward().dot(ray) > self.near_m;
+        if !in_front || steep == 0.0 {
+            return None;
+        }
+        let length = ray.length();
+        let spread = (b - a).length() * (c - a).length();
+        let reach = a.length().max(b.length()).max(c.length());
+        let off = length * (16.0 * EPSILON * reach * spread + bound_m * normal.length()) / steep.abs()
+            + 4.0 * EPSILON * t * length
+            + rim_off;
+        // where the triangle meets the terrain's border moves with its corners, and the farther the flatter it is seen
+        let along = normal.length() * length / steep.abs();
+        let border_off =
+            off + ANY_ADAPTER_SNAP_PX * 2.0 * right.length().max(down.length()) * t * along + 1e-4 * (1.0 + reach);
+        let border = if self.is_cut { border_margin_m(frame, ray * t) } else { f64::INFINITY };
+        if border < -border_off {
+            return None;
+        }
+        let is_doubtful = margin < slack || border < border_off;
+        Some(Met { distance: t * length, off, is_doubtful })
+    }
+
+    /// The depth at which a ray meets the plane of a triangle, kept between those of its corners. Near the rim of a triangle of a list the
+    /// rim may count, and beside it does; how far the two are apart is the second number.
+    fn depth(&self, view: &View, number: usize, is_near_rim: bool, is_beside: bool) -> (f64, f64) {
+        let View { frame, ray, .. } = *view;
+        let [a, b, c] = self.triangles[number];
+        let normal = (b - a).cross(c - a);
+        // depth is linear on the triangle
+        let depths = [a, b, c].map(|corner| corner.dot(frame.camera.forward()));
+        let (near, far) = depths.iter().fold((f64::MAX, 0.0f64), |(low, high), &z| (low.min(z), high.max(z)));
+        let t = (normal.dot(a) / normal.dot(ray)).max(near.max(0.0)).min(far);
+        if self.is_cut || !is_near_rim {
+            return (t, 0.0);
+        }
+        let side = a.dot(b.cross(c)).signum();
+        let weights = DVec3::from([b.cross(c), c.cross(a), a.cross(b)].map(|edge| side * edge.dot(ray)));
+        let inside = weights.max(DVec3::ZERO);
+        let rim = (inside.dot(depths.into()) / inside.element_sum()).max(near.max(0.0)).min(far);
+        // a bound is kept by looking at the surface itself there
+        let rim_off = if self.casts_beside { f64::INFINITY } else { (rim - t).abs() * ray.length() };
+        (if is_beside { rim } else { t }, rim_off)
+    }
+}
+
+/// A pixel's ray, of length 1 along the view direction, and what a pixel to the right and down adds to it.
+#[derive(Clone, Copy)]
+struct View<'a> {
+    frame: &'a Frame<'a>,
+    ray: DVec3,
+    right: DVec3,
+    down: DVec3,
+}
+
+impl<'a> View<'a> {
+    fn new(frame: &'a Frame<'a>, pixel: DVec2) -> Self {
+        let [right, down, corner] = frame.camera.pixel_basis();
+        Self { frame, ray: corner + right * pixel.x + down * pixel.y, right, down }
+    }
+}
+
+/// What a ray meets of one triangle.
+struct Met {
+    distance: f64,
+    off: f64,
+    /// Not every rasterizer draws it.
+    is_doubtful: bool,
 }

@@ -1,0 +1,130 @@
+//! The buffers of the stage, and what its steps have in common.
+
+use super::{Start, VertexSplitting};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::kernel::Elem;
+use crate::plan::product::Roughness;
+use crate::plan::{BufferId, Chain};
+use crate::stages::shared::pyramid::{Layout, bounds_layout};
+
+/// Threads of a workgroup; `GROUP` of the kernel.
+pub(super) const GROUP: u32 = 64;
+
+pub(super) struct Lists {
+    pub inputs: [BufferId; 4],
+    pub live: [BufferId; 2],
+    pub choice: BufferId,
+    pub wanted: BufferId,
+    pub place: BufferId,
+    pub leaf: BufferId,
+    pub leaf_count: BufferId,
+    pub split: BufferId,
+    pub needed: BufferId,
+    pub tree: Option<Tree>,
+    pub capacities: [u32; 3],
+    pub layout: Layout,
+    pub proven: bool,
+}
+
+/// What lasts from frame to frame.
+pub(super) struct Tree {
+    pub nodes: BufferId,
+    pub count: BufferId,
+    pub work: BufferId,
+    pub closed: BufferId,
+    pub rest: BufferId,
+    pub clear_work: BufferId,
+    pub stale: BufferId,
+    pub stale_work: BufferId,
+    pub suspects: BufferId,
+    pub suspect_work: BufferId,
+}
+
+/// How many levels below the root the regions are in which something may be split no more.
+const REGIONS_BELOW: u32 = 9;
+
+pub(super) fn region_level(layout: Layout) -> u32 {
+    layout.top.saturating_sub(REGIONS_BELOW).max(1)
+}
+
+impl Lists {
+    pub fn make(stage: &VertexSplitting, chain: &mut Chain) -> Result<Self, Diagnostic> {
+        let layout = bounds_layout(chain.data.terrain.size);
+        let has_history = stage.start == Start::LastFrame;
+        let inputs = inputs(chain, layout, has_history)?;
+        let is_known = |known: &Roughness<BufferId>| known.roughness == inputs[3];
+        let proven = chain.products().find(is_known).is_some_and(|known| known.is_bound);
+        let meaning = "longest lists of leaves, vertices, tree; did one overflow";
+        let needed = chain.make_lasting("splitting_needed", Elem::U32, &[4], "", meaning);
+        let names = ["leaf", "live", "tree"];
+        // whole workgroups write what they found, past the list's end as well
+        let capacities = names.map(|list| chain.capacity(list, stage.capacity).next_multiple_of(GROUP));
+        for (at, list) in names.into_iter().enumerate().take(if has_history { 3 } else { 2 }) {
+            chain.guard(list, capacities[at], needed, at);
+        }
+        let [leaves, live, nodes] = capacities;
+        let visited = if has_history { live.max(nodes) } else { live };
+        let vertices = "centre of a block in half cells, 16 bits each; flag and level";
+        let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
+        let tree = has_history.then(|| Tree::make(chain, layout, nodes));
+        let mut make =
+            |name: &str, elem: Elem, length: u32, meaning: &str| chain.make(name, elem, &[length], "", meaning);
+        let choice = "what becomes of each vertex, and what those before append";
+        Ok(Self {
+            inputs,
+            live: ["live_a", "live_b"].map(|name| make(name, Elem::Vec2U32, live, vertices)),
+            choice: make("choice", Elem::U32, visited, choice),
+            wanted: make("wanted", Elem::Vec4U32, visited / GROUP, "what each workgroup appends"),
+            place: make("place", Elem::Vec4U32, visited / GROUP, "where each workgroup appends"),
+            leaf: make("leaf", Elem::Vec2U32, leaves, vertices),
+            leaf_count: make("leaf_count", Elem::U32, 4, "workgroups along x, y, z; how many leaves"),
+            split: match has_history {
+                true => chain.make_lasting("split", Elem::U32, &[words], "", SPLIT),
+                false => chain.make("split", Elem::U32, &[words], "", SPLIT),
+            },
+            needed,
+            tree,
+            capacities,
+            layout,
+            proven,
+        })
+    }
+}
+
+const SPLIT: &str = "a bit for each block: it is split";
+
+/// Heights, lowest and highest of each block, and how far the surface is from it.
+fn inputs(chain: &Chain, layout: Layout, has_history: bool) -> Result<[BufferId; 4], Diagnostic> {
+    let size = chain.data.terrain.size;
+    let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+    let pyramid = |name: &str| -> Result<BufferId, Diagnostic> {
+        let id = chain.read_as(name, Elem::F32, &layout.dims())?;
+        // what is left for the next frame holds as long as these do not change
+        if has_history {
+            chain.check_own(id)?;
+        }
+        Ok(id)
+    };
+    Ok([height, pyramid("height_min")?, pyramid("height_max")?, pyramid("roughness")?])
+}
+
+impl Tree {
+    fn make(chain: &mut Chain, layout: Layout, nodes: u32) -> Self {
+        let regions = layout.size(region_level(layout)).element_product().div_ceil(32).next_multiple_of(4);
+        let halves = "all nodes of the quadtree: of the frame before, and of this one";
+        let rest = "how long what became of each node holds";
+        let count = "nodes before, which half is now, nodes now";
+        Self {
+            nodes: chain.make_lasting("tree", Elem::Vec2U32, &[2, nodes], "", halves),
+            count: chain.make_lasting("tree_count", Elem::U32, &[3], "", count),
+            work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
+            rest: chain.make_lasting("tree_rest", Elem::Vec4F32, &[2, nodes], "", rest),
+            stale: chain.make("stale", Elem::U32, &[nodes], "", "nodes to look at again, in any order"),
+            stale_work: chain.make("stale_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            suspects: chain.make("suspects", Elem::U32, &[nodes], "", "nodes that may be gone, in any order"),
+            suspect_work: chain.make("suspect_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
+            clear_work: chain.make("clear_work", Elem::U32, &[4], "", "workgroups along x, y, z; vectors to clear"),
+            closed: chain.make("closed", Elem::U32, &[regions], "", "a bit for each region: a block is split no more"),
+        }
+    }
+}
