@@ -8,7 +8,7 @@ struct Params {
     grid: vec2<u32>,
     /// Layout of the minimum and maximum pyramids, and their coarsest level.
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     top: u32,
     threshold_px: f32,
     /// Pixels a radian of the field of view (Eq. 3).
@@ -31,7 +31,7 @@ fn low_and_high(level: u32, at: vec2<i32>) -> vec2<f32> {
     if level == 0u {
         return vec2(height[u32(at.y) * params.terrain.size.x + u32(at.x)]);
     }
-    let index = pyramid_index(params.stride, params.tall, level, vec2<u32>(at));
+    let index = pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(at));
     return vec2(height_min[index], height_max[index]);
 }
 

@@ -10,7 +10,7 @@ struct Params {
     grid: vec2<u32>,
     /// Layout of the pyramid of planes.
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     /// Pixels from the middle of the picture to where a ray leaves it at 45 degrees.
     focal_px: f32,
     /// How far the rasterizer may see a corner from where it is.
@@ -176,7 +176,7 @@ fn look_at_cell(before: Found, cell: Cell, node: vec2<i32>) -> Found {
 
 /// The surface in a node, from its plane.
 fn look_at_node(found: Found, cell: Cell, level: u32, node: vec2<i32>) -> Found {
-    let index = pyramid_index(params.stride, params.tall, level, vec2<u32>(node));
+    let index = pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(node));
     let plane = height_plane[index];
     let corner = relative_cells(params.terrain, node << vec2(level));
     let side = f32(1u << level);

@@ -10,7 +10,7 @@ struct Params {
     grid: vec2<u32>,
     projector: Projector,
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     /// Coarsest level that is sampled.
     max_level: u32,
 }
@@ -36,7 +36,7 @@ fn sample(level: u32, at: vec2<i32>) -> f32 {
     if level == 0u {
         return height[u32(at.y) * params.terrain.size.x + u32(at.x)];
     }
-    return height_mean[pyramid_index(params.stride, params.tall, level, vec2<u32>(at))];
+    return height_mean[pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(at))];
 }
 
 /// The surface at level 0, bilinear between the nodes of the others; `cells` are relative sample coordinates. A node stands in the middle

@@ -1,6 +1,6 @@
 // What becomes of a block of the quadtree: out of the picture, fine enough, or to be split (Lee, Shin 2011, Eq. 2).
 //
-// A kernel that includes this binds `height`, `height_min`, `height_max` and `roughness`, and has `terrain`, `stride`, `tall`,
+// A kernel that includes this binds `height`, `height_min`, `height_max` and `roughness`, and has `terrain`, `stride`, `tall_pow2`,
 // `threshold_px`, `focal_px` and the camera's axes, sides and extremes in its parameters.
 
 /// The roughness is a bound, and the decision keeps it.
@@ -19,7 +19,7 @@ fn last_sample() -> vec2<u32> {
 }
 
 fn index_of(level: u32, at: vec2<u32>) -> u32 {
-    return pyramid_index(params.stride, params.tall, level, at);
+    return pyramid_index(params.stride, params.tall_pow2, level, at);
 }
 
 struct Box {

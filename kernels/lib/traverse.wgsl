@@ -1,7 +1,7 @@
 // First hit of a ray with the full-resolution surface, by traversal of the maximum pyramid (Tevs, Ihrke, Seidel 2008) and a
 // sign test at cell borders that leaves no gap between cells.
 //
-// A kernel that includes this binds `height`, `height_max`, `height_min` and `nearest`, and has `terrain`, `stride`, `tall`
+// A kernel that includes this binds `height`, `height_max`, `height_min` and `nearest`, and has `terrain`, `stride`, `tall_pow2`
 // and `top` in its parameters. A ray's parameter t is its distance along the view direction.
 
 /// The surface in a cell is one bilinear patch instead of two triangles.
@@ -118,7 +118,7 @@ fn hit_in_patch(
 }
 
 fn bound(level: u32, node: vec2<i32>, side: f32) -> f32 {
-    let index = pyramid_index(params.stride, params.tall, level, vec2<u32>(node));
+    let index = pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(node));
     if UNDERSIDE {
         if side < 0.0 {
             return height_min[index];

@@ -17,7 +17,7 @@ struct Params {
     near_m: f32,
     /// Layout of the maximum and minimum pyramids, and their coarsest level.
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     top: u32,
 }
 

@@ -13,9 +13,9 @@ struct Params {
     /// Levels to write, 1 to 3.
     levels: u32,
     bounds_stride: u32,
-    bounds_tall: u32,
+    bounds_tall_pow2: u32,
     mean_stride: u32,
-    mean_tall: u32,
+    mean_tall_pow2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -77,7 +77,7 @@ fn widen(left: vec4<f32>, middle: vec4<f32>, right: vec4<f32>) -> Row {
 fn node_row(first: u32, row: u32) -> Row {
     let below = params.level - 1u;
     let last = level_size(params.size - 1u, below) - 1u;
-    let start = pyramid_index(params.bounds_stride, params.bounds_tall, below, vec2(0u, min(row, last.y)));
+    let start = pyramid_index(params.bounds_stride, params.bounds_tall_pow2, below, vec2(0u, min(row, last.y)));
     let end = start + last.x;
     let i = start + first;
     var out = Row(vec4(LOWEST), vec4(HIGHEST));
@@ -102,7 +102,7 @@ fn merge_rows(a: Row, b: Row) -> Row {
 
 fn write_bounds(level: u32, at: vec2<u32>, bounds: vec2<f32>) {
     if all(at < level_size(params.size - 1u, level)) {
-        let index = pyramid_index(params.bounds_stride, params.bounds_tall, level, at);
+        let index = pyramid_index(params.bounds_stride, params.bounds_tall_pow2, level, at);
         if WRITE_MAX {
             height_max[index] = bounds.x;
         }
@@ -124,13 +124,13 @@ fn mean_below(at: vec2<u32>) -> vec2<f32> {
     if below == 0u {
         return vec2(textureLoad(height, at, 0).x, 1.0);
     }
-    let index = pyramid_index(params.mean_stride, params.mean_tall, below, at);
+    let index = pyramid_index(params.mean_stride, params.mean_tall_pow2, below, at);
     return vec2(height_mean[index] * count, count);
 }
 
 fn write_mean(level: u32, at: vec2<u32>, sum: vec2<f32>) {
     if all(at < level_size(params.size, level)) {
-        height_mean[pyramid_index(params.mean_stride, params.mean_tall, level, at)] = sum.x / sum.y;
+        height_mean[pyramid_index(params.mean_stride, params.mean_tall_pow2, level, at)] = sum.x / sum.y;
     }
 }
 

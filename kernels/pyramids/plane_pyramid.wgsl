@@ -7,7 +7,7 @@ struct Params {
     size: vec2<u32>,
     level: u32,
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     /// Largest height without its sign, for what rounding may add.
     largest_m: f32,
 }
@@ -103,7 +103,7 @@ fn from_planes(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// Height in the middle, slopes, largest distance.
 fn plane_of(node: vec2<u32>) -> vec4<f32> {
-    let index = pyramid_index(params.stride, params.tall, params.level - 1u, node);
+    let index = pyramid_index(params.stride, params.tall_pow2, params.level - 1u, node);
     let plane = height_plane[index];
     return vec4(plane.x, unpack2x16float(plane_slope[index]), plane.y);
 }
@@ -117,7 +117,7 @@ fn stored(slope: vec2<f32>) -> vec2<f32> {
 fn store(node: vec2<u32>, slope: vec2<f32>, middle_m: f32, lowest: f32, highest: f32) {
     let side = f32(1u << params.level);
     let rounding = 1.0e-6 * (params.largest_m + (abs(slope.x) + abs(slope.y)) * side + highest - lowest);
-    let index = pyramid_index(params.stride, params.tall, params.level, node);
+    let index = pyramid_index(params.stride, params.tall_pow2, params.level, node);
     height_plane[index] = vec2(middle_m + 0.5 * (lowest + highest), 0.5 * (highest - lowest) + rounding);
     plane_slope[index] = pack2x16float(slope);
 }

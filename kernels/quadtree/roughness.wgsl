@@ -10,7 +10,7 @@ struct Params {
     level: u32,
     /// Layout of the pyramid.
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -43,14 +43,14 @@ fn largest_below(at: vec2<u32>) -> f32 {
         let below = level_size(base(), params.level - 1u);
         for (var i = 0u; i < 4u; i++) {
             let child = min(2u * at + vec2(i & 1u, i >> 1u), below - 1u);
-            largest = max(largest, roughness[pyramid_index(params.stride, params.tall, params.level - 1u, child)]);
+            largest = max(largest, roughness[pyramid_index(params.stride, params.tall_pow2, params.level - 1u, child)]);
         }
     }
     return largest;
 }
 
 fn put(at: vec2<u32>, value: f32) {
-    roughness[pyramid_index(params.stride, params.tall, params.level, at)] = value;
+    roughness[pyramid_index(params.stride, params.tall_pow2, params.level, at)] = value;
 }
 
 /// Height in the middle of an edge against the line between its ends, `t` of the way along it.
@@ -170,9 +170,9 @@ fn ridges(block: Block, fan: Fan) -> f32 {
     let far = vec2<f32>(block.high - block.middle);
     let c = fan.corners;
     let width = near.x + far.x;
-    let tall = near.y + far.y;
+    let tall_pow2 = near.y + far.y;
     let along_x = vec2(c.y - c.x, c.w - c.z) / width;
-    let along_y = vec2(c.z - c.x, c.w - c.y) / tall;
+    let along_y = vec2(c.z - c.x, c.w - c.y) / tall_pow2;
     // height of each edge's line over against the centre, and how steep the fan is towards it
     let north = -(c.x + along_x.x * near.x) / near.y;
     let west = -(c.x + along_y.x * near.y) / near.x;

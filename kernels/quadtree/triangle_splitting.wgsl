@@ -11,7 +11,7 @@ struct Params {
     size: vec2<u32>,
     /// Layout of the pyramids.
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     capacity: u32,
 }
 
@@ -94,7 +94,7 @@ fn is_split(edge: Edge, level: u32, at: u32) -> bool {
     if !is_there || any(node >= level_size(last_sample(), level)) {
         return false;
     }
-    let index = pyramid_index(params.stride, params.tall, level, node);
+    let index = pyramid_index(params.stride, params.tall_pow2, level, node);
     return (split[index / 32u] >> (index & 31u) & 1u) != 0u;
 }
 

@@ -14,7 +14,7 @@ struct Params {
     terrain: Terrain,
     /// Layout of the pyramids; `top` is the level of the root.
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     top: u32,
     /// The last round, after which there are no vertices.
     is_last: u32,

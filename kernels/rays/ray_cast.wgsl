@@ -11,7 +11,7 @@ struct Params {
     camera: Camera,
     terrain: Terrain,
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     top: u32,
 }
 

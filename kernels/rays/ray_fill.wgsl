@@ -10,7 +10,7 @@ struct Params {
     camera: Camera,
     terrain: Terrain,
     stride: u32,
-    tall: u32,
+    tall_pow2: u32,
     top: u32,
     /// Elements that the list has room for.
     length: u32,

@@ -427,9 +427,9 @@ impl<'a> Executor<'a> {
         params: Option<(&'r wgpu::Buffer, u64)>,
         unused: &'r wgpu::Buffer,
     ) -> Result<(wgpu::BindingType, wgpu::BindingResource<'r>), GpuError> {
-        let bound =
+        let attached =
             step.bindings.iter().find(|(variable, _)| variable == name).and_then(|(_, id)| self.buffers[id.0].as_ref());
-        match (kind, bound, params) {
+        match (kind, attached, params) {
             (BindingKind::Params(structure), _, Some((buffer, bytes))) => {
                 let size = std::num::NonZeroU64::new(bytes);
                 let ty = wgpu::BindingType::Buffer {

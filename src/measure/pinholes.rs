@@ -17,22 +17,22 @@ const BAND: u32 = 16;
 /// around them meet it before. A pixel that shows what there is to see is none, wherever the mesh is.
 pub fn count(mesh: &Triangles, camera: &Camera, drawn_m: &[f32], true_m: &[f32]) -> usize {
     let triangles: Vec<Triangle> = mesh.corners.iter().filter_map(|corners| Triangle::new(corners, camera)).collect();
-    let (width, tall) = camera.viewport;
-    let bands = tall.div_ceil(BAND);
+    let (width_px, height_px) = camera.viewport;
+    let bands = height_px.div_ceil(BAND);
     let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); bands as usize];
     for (number, triangle) in triangles.iter().enumerate() {
-        let (first, last) = (triangle.rows.0 / BAND, triangle.rows.1.min(tall - 1) / BAND);
+        let (first, last) = (triangle.rows.0 / BAND, triangle.rows.1.min(height_px - 1) / BAND);
         (first..=last).for_each(|band| of_band[band as usize].push(number as u32));
     }
     let in_band = |band: u32| {
         let listed: Vec<&Triangle> = of_band[band as usize].iter().map(|&number| &triangles[number as usize]).collect();
-        let rows = band * BAND..((band + 1) * BAND).min(tall);
+        let rows = band * BAND..((band + 1) * BAND).min(height_px);
         let nearest = nearest(&listed, camera, rows.clone());
-        let pixels = rows.flat_map(|y| (0..width).map(move |x| (x, y)));
+        let pixels = rows.flat_map(|y| (0..width_px).map(move |x| (x, y)));
         let is_hole = |&((x, y), near): &((u32, u32), f64)| {
-            let drawn = f64::from(drawn_m[(y * width + x) as usize]);
+            let drawn = f64::from(drawn_m[(y * width_px + x) as usize]);
             let is_behind = |near: f64| near.is_finite() && (drawn < 0.0 || drawn > near * (1.0 + 1e-3) + 1e-3);
-            let truth = f64::from(true_m[(y * width + x) as usize]);
+            let truth = f64::from(true_m[(y * width_px + x) as usize]);
             let is_true = drawn < 0.0 && truth < 0.0 || (drawn - truth).abs() <= 1e-5 * truth;
             if is_true || !is_behind(near) {
                 return false;
@@ -73,18 +73,19 @@ impl Triangle {
         }
         let turn = a.dot(b.cross(c)).signum();
         let normal = (b - a).cross(c - a);
-        let (width, tall) = camera.viewport;
-        let (mut columns, mut rows) = ((0, width - 1), (0, tall - 1));
+        let (width_px, height_px) = camera.viewport;
+        let (mut columns, mut rows) = ((0, width_px - 1), (0, height_px - 1));
         if depths.iter().all(|&depth| depth > 1e-4) {
             let pixels = [a, b, c].map(|corner| camera.pixel(corner + camera.eye_m).unwrap_or(DVec2::ZERO));
             let low = pixels.into_iter().fold(DVec2::MAX, DVec2::min);
             let high = pixels.into_iter().fold(DVec2::MIN, DVec2::max);
-            if high.x < -1.0 || high.y < -1.0 || low.x > f64::from(width) + 1.0 || low.y > f64::from(tall) + 1.0 {
+            if high.x < -1.0 || high.y < -1.0 || low.x > f64::from(width_px) + 1.0 || low.y > f64::from(height_px) + 1.0
+            {
                 return None;
             }
             // `as` keeps to the range of u32
-            columns = ((low.x - 1.0) as u32, ((high.x + 1.0) as u32).min(width - 1));
-            rows = ((low.y - 1.0) as u32, ((high.y + 1.0) as u32).min(tall - 1));
+            columns = ((low.x - 1.0) as u32, ((high.x + 1.0) as u32).min(width_px - 1));
+            rows = ((low.y - 1.0) as u32, ((high.y + 1.0) as u32).min(height_px - 1));
         }
         let edges = [a.cross(b) * turn, b.cross(c) * turn, c.cross(a) * turn];
         let depths = depths.into_iter().fold((f64::MAX, f64::MIN), |(low, high), z| (low.min(z), high.max(z)));
@@ -101,15 +102,15 @@ impl Triangle {
 
 /// For each pixel of some rows, the nearest hit of the ray through its centre.
 fn nearest(listed: &[&Triangle], camera: &Camera, rows: std::ops::Range<u32>) -> Vec<f64> {
-    let width = camera.viewport.0;
+    let width_px = camera.viewport.0;
     let [right, down, corner] = camera.pixel_basis();
-    let mut nearest = vec![f64::INFINITY; (rows.len() as u32 * width) as usize];
+    let mut nearest = vec![f64::INFINITY; (rows.len() as u32 * width_px) as usize];
     for triangle in listed {
         for y in rows.start.max(triangle.rows.0)..rows.end.min(triangle.rows.1 + 1) {
             for x in triangle.columns.0..=triangle.columns.1 {
                 let ray = corner + right * (f64::from(x) + 0.5) + down * (f64::from(y) + 0.5);
                 if let Some(t) = triangle.hit(ray) {
-                    let place = &mut nearest[((y - rows.start) * width + x) as usize];
+                    let place = &mut nearest[((y - rows.start) * width_px + x) as usize];
                     *place = place.min(t * ray.length());
                 }
             }

@@ -20,7 +20,7 @@ use product::Products;
 
 pub use chain::{Announced, Chain};
 pub use explain::{explain, megabytes};
-pub use scene::{SceneData, Tile};
+pub use scene::{Part, SceneData};
 pub use step::StepBuilder;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -326,7 +326,8 @@ impl Plan {
     /// Whether a buffer is bound as an array, and whether it is as an image.
     pub fn bound_as(&self, id: BufferId) -> (bool, bool) {
         let kinds = self.steps.iter().flat_map(|step| {
-            let variables = step.bindings.iter().filter(move |(_, bound)| *bound == id).map(|(variable, _)| variable);
+            let variables =
+                step.bindings.iter().filter(move |(_, attached)| *attached == id).map(|(variable, _)| variable);
             variables.filter_map(|variable| step.kernel.binding(variable))
         });
         let (mut array, mut image) = (self.outputs.contains(&id), false);

@@ -17,40 +17,40 @@ pub struct SceneData {
     /// Lowest and highest height of the terrain in metres.
     pub range_m: (f64, f64),
     /// The terrain in at most 16 x 16 parts, each with its own lowest and highest height.
-    pub tiles: Vec<Tile>,
+    pub parts: Vec<Part>,
     /// A frame's eye is under the surface or outside the terrain, so that rays can run under the surface.
     pub sees_underside: bool,
 }
 
 /// Samples `columns.0..=columns.1`, `rows.0..=rows.1` and their height range in metres.
 #[derive(Clone, Copy, Debug)]
-pub struct Tile {
+pub struct Part {
     pub columns: (u32, u32),
     pub rows: (u32, u32),
     pub low_m: f32,
     pub high_m: f32,
 }
 
-/// Tiles a side.
-const TILES: u32 = 16;
+/// Parts a side.
+const PARTS: u32 = 16;
 
-fn tiles(terrain: &HeightField) -> Vec<Tile> {
+fn parts(terrain: &HeightField) -> Vec<Part> {
     let last = terrain.size - UVec2::ONE;
-    let count = last.min(UVec2::splat(TILES));
-    let part = |at: u32, last: u32, count: u32| (last * at / count, last * (at + 1) / count);
-    let mut tiles = Vec::new();
+    let count = last.min(UVec2::splat(PARTS));
+    let cut = |at: u32, last: u32, count: u32| (last * at / count, last * (at + 1) / count);
+    let mut parts = Vec::new();
     for y in 0..count.y {
         for x in 0..count.x {
-            let (columns, rows) = (part(x, last.x, count.x), part(y, last.y, count.y));
+            let (columns, rows) = (cut(x, last.x, count.x), cut(y, last.y, count.y));
             let heights = (rows.0..=rows.1).flat_map(|row| {
                 let start = (row * terrain.size.x) as usize;
                 &terrain.heights_m[start + columns.0 as usize..=start + columns.1 as usize]
             });
             let (low_m, high_m) = heights.fold((f32::MAX, f32::MIN), |(low, high), &h| (low.min(h), high.max(h)));
-            tiles.push(Tile { columns, rows, low_m, high_m });
+            parts.push(Part { columns, rows, low_m, high_m });
         }
     }
-    tiles
+    parts
 }
 
 impl SceneData {
@@ -63,7 +63,7 @@ impl SceneData {
                 || ground.cmpgt(extent_m).any()
                 || camera.eye_m.z < terrain.surface_m(ground, scene.surface)
         });
-        Self { range_m: terrain.range_m(), tiles: tiles(&terrain), scene, terrain, cameras, sees_underside }
+        Self { range_m: terrain.range_m(), parts: parts(&terrain), scene, terrain, cameras, sees_underside }
     }
 
     /// The frames that measures look at, as one hash: cameras in f64, viewport and surface.

@@ -122,7 +122,7 @@ impl Axes {
 }
 
 /// Corners of what the camera sees of the terrain's volume, dropped to the ground, from the camera's eye: the
-/// volume is a box for each tile, as low and as high as the samples in it.
+/// volume is a box for each part of the terrain, as low and as high as the samples in it.
 fn visible_ground(data: &SceneData, camera: &Camera) -> Vec<DVec2> {
     let terrain = &data.terrain;
     let planes = frustum(camera);
@@ -130,9 +130,9 @@ fn visible_ground(data: &SceneData, camera: &Camera) -> Vec<DVec2> {
         let ground = DVec2::new(f64::from(column), f64::from(terrain.size.y - 1 - row)) * terrain.cell_m;
         ground.extend(height_m.into()) - camera.eye_m
     };
-    let corners = data.tiles.iter().flat_map(|tile| {
-        let low = position(tile.columns.0, tile.rows.1, tile.low_m);
-        let high = position(tile.columns.1, tile.rows.0, tile.high_m);
+    let corners = data.parts.iter().flat_map(|part| {
+        let low = position(part.columns.0, part.rows.1, part.low_m);
+        let high = position(part.columns.1, part.rows.0, part.high_m);
         clipped_box(&planes, camera, (low, high))
     });
     // a hundredth of a cell more, and more far away: what rounding may take from the grid's border

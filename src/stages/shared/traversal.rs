@@ -52,13 +52,13 @@ impl Traversed {
             .set_camera()
             .set_terrain()
             .set("stride", layout.stride)
-            .set("tall", layout.tall_pow2)
+            .set("tall_pow2", layout.tall_pow2)
             .set("top", layout.top)
     }
 
     fn tiles(chain: &Chain) -> UVec2 {
-        let (width, tall) = chain.data.scene.viewport;
-        UVec2::new(width.div_ceil(TILE), tall.div_ceil(TILE))
+        let (width_px, height_px) = chain.data.scene.viewport;
+        UVec2::new(width_px.div_ceil(TILE), height_px.div_ceil(TILE))
     }
 
     /// What `LeadRays` has found out.

@@ -19,8 +19,8 @@ impl Reference for AspectImportance {
             let [nw, ne, sw, se] = corners.map(|(place, _)| place);
             let off_m = corners.iter().map(|(_, off)| *off).fold(0.0, f64::max);
             let width = ne.distance(nw) + se.distance(sw);
-            let tall = sw.distance(nw) + se.distance(ne);
-            let value = (tall / width.max(1e-30)).clamp(1e-6, 1e6);
+            let length = sw.distance(nw) + se.distance(ne);
+            let value = (length / width.max(1e-30)).clamp(1e-6, 1e6);
             // each sum of two distances is off by what four corners are off by
             let share = 4.0 * off_m / width.max(1e-30);
             let bound = (share + value * share) / (1.0 - share).max(1e-9) + 16.0 * EPSILON * value;

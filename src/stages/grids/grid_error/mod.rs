@@ -109,7 +109,7 @@ impl Inputs {
             .set_terrain()
             .set("grid", self.size.to_array())
             .set("stride", layout.stride)
-            .set("tall", layout.tall_pow2))
+            .set("tall_pow2", layout.tall_pow2))
     }
 
     fn is_bilinear(chain: &Chain) -> f64 {

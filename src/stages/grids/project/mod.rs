@@ -100,7 +100,7 @@ impl Stage for Project {
             .set_projector()
             .set("grid", [columns, rows])
             .set("stride", layout.stride)
-            .set("tall", layout.tall_pow2)
+            .set("tall_pow2", layout.tall_pow2)
             .set("max_level", self.top(made))
             .over(UVec2::new(columns, rows))?;
         chain.offer(Mesh::Grid(Grid { vertex: vertices, cell_bound: None, promise: None }));

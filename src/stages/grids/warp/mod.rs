@@ -93,7 +93,7 @@ impl Warp {
         (size, grid): (UVec2, UVec2),
         before: Option<(BufferId, BufferId)>,
     ) -> Result<(BufferId, BufferId), Diagnostic> {
-        let (wide, tall) = (size.x + 1, size.y + 1);
+        let (wide, high) = (size.x + 1, size.y + 1);
         let mut weights = importance;
         if let Some((map, _)) = before {
             let meaning = "importance after earlier rounds";
@@ -102,8 +102,8 @@ impl Warp {
             resample.bind("map_before", map).bind("resampled", weights).over(size)?;
         }
         let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go");
-        let columns = chain.make("warp_columns", Elem::F32, &[size.x, tall], "", "where each column's row borders go");
-        let map = chain.make("warp_map", Elem::Vec2F32, &[tall, wide], "", "where the map's corners go");
+        let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go");
+        let map = chain.make("warp_map", Elem::Vec2F32, &[high, wide], "", "where the map's corners go");
         let meaning = "how much of the warp keeps every cell convex, as the bits of an f32";
         let share = chain.make("warp_share", Elem::U32, &[1], "", meaning);
         // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
@@ -119,7 +119,7 @@ impl Warp {
             Some((map, _)) => compose.bind("map_before", map),
             None => compose.leave_unbound("map_before"),
         };
-        compose.bind("map_out", map).bind("share_out", share).over(UVec2::new(wide, tall))?;
+        compose.bind("map_out", map).bind("share_out", share).over(UVec2::new(wide, high))?;
         self.step(chain, "unfold", round, (size, grid))?.bind("warp_map", map).bind("share_out", share).over(size)?;
         Ok((map, share))
     }

@@ -50,7 +50,7 @@ impl Default for Compact {
 const VISITORS: u32 = 64;
 
 /// The most rows of a buffer that `place_of` of `kernels/lib/place.wgsl` finds again.
-const MOST_TALL: u32 = 1 << 23;
+const MOST_ROWS: u32 = 1 << 23;
 
 /// The most workgroups a side of a dispatch may have on any adapter.
 const MOST_GROUPS: u32 = 65535;
@@ -92,7 +92,7 @@ impl Compact {
         if self.rows == 1 {
             return Ok(Source { numbers, length, size: UVec2::new(length, 1) });
         }
-        let &[tall, width] = buffer.dims.as_slice() else {
+        let &[rows, columns] = buffer.dims.as_slice() else {
             let message = format!(
                 "`{}` has no rows: it has {} dimension(s), and rows are the first of two",
                 self.of,
@@ -100,11 +100,11 @@ impl Compact {
             );
             return Err(Diagnostic::input(message).at(chain.origin(), "this stage looks at several rows at once"));
         };
-        if tall > MOST_TALL {
-            let message = format!("`{}` has {tall} rows, and blocks can be listed of {MOST_TALL}", self.of);
+        if rows > MOST_ROWS {
+            let message = format!("`{}` has {rows} rows, and blocks can be listed of {MOST_ROWS}", self.of);
             return Err(Diagnostic::input(message).at(chain.origin(), "this stage looks at several rows at once"));
         }
-        Ok(Source { numbers, length: tall.div_ceil(self.rows) * width, size: UVec2::new(width, tall) })
+        Ok(Source { numbers, length: rows.div_ceil(self.rows) * columns, size: UVec2::new(columns, rows) })
     }
 
     fn step<'c, 'a>(

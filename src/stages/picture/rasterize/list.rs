@@ -53,6 +53,6 @@ fn list_step<'c, 'a>(
         .constant("BILINEAR", is_bilinear)
         .constant("UNDERSIDE", sees_underside)
         .set("stride", layout.stride)
-        .set("tall", layout.tall_pow2)
+        .set("tall_pow2", layout.tall_pow2)
         .set("top", layout.top))
 }

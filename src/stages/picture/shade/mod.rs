@@ -65,12 +65,12 @@ fn sun_direction(light: &Light) -> DVec3 {
 
 impl Stage for Shade {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let (width, tall) = chain.data.scene.viewport;
+        let (width_px, height_px) = chain.data.scene.viewport;
         let samples = chain.data.terrain.size;
         let height = chain.read_as("height", Elem::F32, &[samples.y, samples.x])?;
         let Drawn { distance, .. } = chain.latest()?;
         let light = chain.data.scene.light;
-        let pixels = u64::from(width) * u64::from(tall);
+        let pixels = u64::from(width_px) * u64::from(height_px);
         if !self.needs_sun(&light) {
             let reason = if self.sun { "the light is all ambient" } else { "`sun: false`" };
             chain.leave_out("normals and sun", reason, 0, pixels);
@@ -78,7 +78,8 @@ impl Stage for Shade {
         if !self.tint {
             chain.leave_out("the colour ramp", "`tint: false`", 0, pixels);
         }
-        let colour = chain.make("colour", Elem::U32, &[tall, width], "rgba8", "picture, red in the lowest byte");
+        let colour =
+            chain.make("colour", Elem::U32, &[height_px, width_px], "rgba8", "picture, red in the lowest byte");
         chain.set_packing(colour, Packing::Bytes);
         let kernel = Kernel::built_in("picture/shade.wgsl")?;
         let (low, high) = chain.data.range_m;
@@ -95,7 +96,7 @@ impl Stage for Shade {
             .set("ambient", light.ambient as f32)
             .set_per_frame("low_m", |camera| (low - camera.eye_m.z) as f32)
             .set("range_m", height_range_m(low, high) as f32)
-            .over(UVec2::new(width, tall))?;
+            .over(UVec2::new(width_px, height_px))?;
         chain.offer(Picture { pixels: colour });
         Ok(())
     }

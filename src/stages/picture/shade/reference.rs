@@ -9,11 +9,11 @@ impl Reference for Shade {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let drawn: Drawn<_> = buffers.latest()?;
         let distance = buffers.values(drawn.distance);
-        let (width, tall) = frame.camera.viewport;
-        let mut colour = Values::missing(&[tall, width], 4);
-        for y in 0..tall {
-            for x in 0..width {
-                let at = (y * width + x) as usize;
+        let (width_px, height_px) = frame.camera.viewport;
+        let mut colour = Values::missing(&[height_px, width_px], 4);
+        for y in 0..height_px {
+            for x in 0..width_px {
+                let at = (y * width_px + x) as usize;
                 let ray = frame.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
                 let (here, spread) = match distance.value[at] {
                     t if t.is_nan() => (sky(ray), DVec3::ZERO),

@@ -76,9 +76,9 @@ impl Stage for HeightPyramid {
                 .set("level", level)
                 .set("levels", levels)
                 .set("bounds_stride", bounds.stride)
-                .set("bounds_tall", bounds.tall_pow2)
+                .set("bounds_tall_pow2", bounds.tall_pow2)
                 .set("mean_stride", mean.stride)
-                .set("mean_tall", mean.tall_pow2)
+                .set("mean_tall_pow2", mean.tall_pow2)
                 .over(Layout::new(size).size(level - 1).map(|side| side.div_ceil(8)).max(UVec2::ONE))?;
         }
         Ok(())

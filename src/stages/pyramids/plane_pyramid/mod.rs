@@ -51,7 +51,7 @@ impl Stage for PlanePyramid {
                 .set("size", size.to_array())
                 .set("level", level)
                 .set("stride", layout.stride)
-                .set("tall", layout.tall_pow2)
+                .set("tall_pow2", layout.tall_pow2)
                 .set("largest_m", low.abs().max(high.abs()) as f32)
                 .over(layout.size(level))?;
         }

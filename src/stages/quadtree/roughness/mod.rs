@@ -55,7 +55,7 @@ fn step<'c, 'a>(chain: &'c mut Chain<'a>, entry: &str, level: u32) -> Result<Ste
         .set("size", size.to_array())
         .set("level", level)
         .set("stride", layout.stride)
-        .set("tall", layout.tall_pow2))
+        .set("tall_pow2", layout.tall_pow2))
 }
 
 impl Stage for Roughness {

@@ -80,7 +80,7 @@ impl Stage for TriangleSplitting {
                 .bind("leaf_count", leaf_count)
                 .set("size", size.to_array())
                 .set("stride", layout.stride)
-                .set("tall", layout.tall_pow2)
+                .set("tall_pow2", layout.tall_pow2)
                 .set("capacity", capacity);
             match entry {
                 "count" => {

@@ -109,7 +109,7 @@ impl VertexSplitting {
             .constant("KEEP", f64::from(lists.tree.is_some()))
             .set_terrain()
             .set("stride", lists.layout.stride)
-            .set("tall", lists.layout.tall_pow2)
+            .set("tall_pow2", lists.layout.tall_pow2)
             .set("top", lists.layout.top)
             .set("region_level", region_level(lists.layout))
             .set("is_last", u32::from(round + 1 == lists.layout.top))

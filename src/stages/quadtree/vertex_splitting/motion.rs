@@ -33,14 +33,14 @@ pub fn turn(a: &Camera, b: &Camera) -> f64 {
 /// Inward normals of the picture's sides: left, right, top, bottom.
 pub fn sides(camera: &Camera) -> [DVec3; 4] {
     let [right, up, forward] = [camera.world_from_view.x_axis, camera.world_from_view.y_axis, camera.forward()];
-    let (across, tall) = (forward * camera.half_tan.x, forward * camera.half_tan.y);
-    [right + across, across - right, tall - up, up + tall].map(DVec3::normalize)
+    let (across, high) = (forward * camera.half_tan.x, forward * camera.half_tan.y);
+    [right + across, across - right, high - up, up + high].map(DVec3::normalize)
 }
 
 /// The largest value of a convex function of the picture's rays, which is at a corner.
 pub fn most_of(camera: &Camera, value: impl Fn(DVec3) -> f64) -> f64 {
     let [right, down, corner] = camera.pixel_basis();
-    let (width, tall) = (f64::from(camera.viewport.0), f64::from(camera.viewport.1));
-    let corners = [(0.0, 0.0), (width, 0.0), (0.0, tall), (width, tall)].map(|(x, y)| corner + right * x + down * y);
+    let (width, high) = (f64::from(camera.viewport.0), f64::from(camera.viewport.1));
+    let corners = [(0.0, 0.0), (width, 0.0), (0.0, high), (width, high)].map(|(x, y)| corner + right * x + down * y);
     corners.into_iter().map(value).fold(0.0, f64::max)
 }

@@ -8,11 +8,12 @@ use crate::stages::shared::traversal::TILE;
 
 impl Reference for LeadRays {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let (width, tall) = frame.camera.viewport;
-        let (across, down) = (width.div_ceil(TILE), tall.div_ceil(TILE));
+        let (width_px, height_px) = frame.camera.viewport;
+        let (across, down) = (width_px.div_ceil(TILE), height_px.div_ceil(TILE));
         let nearest = |tile: u32| {
             let (x, y) = (tile % across * TILE, tile / across * TILE);
-            let pixels = (y..(y + TILE).min(tall)).flat_map(|y| (x..(x + TILE).min(width)).map(move |x| (x, y)));
+            let pixels =
+                (y..(y + TILE).min(height_px)).flat_map(|y| (x..(x + TILE).min(width_px)).map(move |x| (x, y)));
             let depth = |(x, y): (u32, u32)| {
                 let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
                 let (distance, bound) = first_hit(frame, pixel);

@@ -35,7 +35,7 @@ impl Stage for RayCast {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let terrain = Traversed::read(chain)?;
         let start = terrain.lead_tiles(chain)?;
-        let (width, tall) = chain.data.scene.viewport;
+        let (width_px, height_px) = chain.data.scene.viewport;
         let distance = make_distance(chain);
         let kernel = Kernel::built_in("rays/ray_cast.wgsl")?;
         terrain
@@ -44,7 +44,7 @@ impl Stage for RayCast {
             .bind("height_min", terrain.lowest)
             .bind("start", start)
             .bind("distance", distance)
-            .over(UVec2::new(width, tall))?;
+            .over(UVec2::new(width_px, height_px))?;
         chain.offer(Drawn { distance, error: None, mesh: None, promise: None });
         Ok(())
     }

@@ -8,13 +8,13 @@ use crate::stages::shared::first_hit::first_hit;
 
 impl Reference for RayCast {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let (width, tall) = frame.camera.viewport;
-        let pixels: Vec<(f64, f64)> = (0..tall)
+        let (width_px, height_px) = frame.camera.viewport;
+        let pixels: Vec<(f64, f64)> = (0..height_px)
             .into_par_iter()
-            .flat_map_iter(|y| (0..width).map(move |x| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)))
+            .flat_map_iter(|y| (0..width_px).map(move |x| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)))
             .map(|pixel| first_hit(frame, pixel))
             .collect();
-        let mut distance = Values::missing(&[tall, width], 1);
+        let mut distance = Values::missing(&[height_px, width_px], 1);
         for (at, (value, bound)) in pixels.into_iter().enumerate() {
             distance.set(at, value, bound);
         }

@@ -65,13 +65,13 @@ struct Pixels {
 
 impl RayFill {
     fn list(&self, chain: &Chain, error: BufferId) -> Result<Pixels, Diagnostic> {
-        let (width, tall) = chain.data.scene.viewport;
+        let (width_px, height_px) = chain.data.scene.viewport;
         let count_name = format!("{}_count", self.pixels);
         let numbers = chain.read(&self.pixels)?;
         let is_block = |listing: &Listing<BufferId>| listing.numbers == numbers && listing.rows > 1;
         let listing = chain.products().find(is_block);
         let Some(listing) = listing else {
-            let length = width * tall;
+            let length = width_px * height_px;
             let pixels = chain.read_as(&self.pixels, Elem::U32, &[length])?;
             let count = chain.read_as(&count_name, Elem::U32, &[4])?;
             return Ok(Pixels { pixels, count, rows: 1, length });
@@ -84,7 +84,7 @@ impl RayFill {
             );
             return Err(Diagnostic::input(message).at(chain.origin(), "this stage").help("list it with `rows: 1`"));
         }
-        let length = width * tall.div_ceil(listing.rows);
+        let length = width_px * height_px.div_ceil(listing.rows);
         let Listing { numbers: pixels, count, rows, .. } = listing;
         chain.check_kind(pixels, Elem::U32, &[length])?;
         for id in [pixels, count] {

@@ -31,7 +31,7 @@ impl Reference for Rasterize {
         // what is drawn of a list has no error of its own
         let is_grid = matches!(mesh, Mesh::Grid(_));
         let threshold_px = promise.filter(|_| is_grid).map(|promise| promise.bound_px);
-        let (width, tall) = frame.camera.viewport;
+        let (width_px, height_px) = frame.camera.viewport;
         let sky = Sky { frame, clear_until: buffers.get("clear_until").ok() };
         let seen = |y: u32, x: u32| {
             let pixel = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
@@ -48,13 +48,13 @@ impl Reference for Rasterize {
             }
             triangles.error(frame, pixel, &hit, threshold_px)
         };
-        let pixels: Vec<((f64, f64), (f64, f64))> = (0..tall)
+        let pixels: Vec<((f64, f64), (f64, f64))> = (0..height_px)
             .into_par_iter()
-            .flat_map_iter(|y| (0..width).map(move |x| (y, x)))
+            .flat_map_iter(|y| (0..width_px).map(move |x| (y, x)))
             .map(|(y, x)| seen(y, x))
             .collect();
-        let mut distance = Values::missing(&[tall, width], 1);
-        let mut error = Values::missing(&[tall, width], 1);
+        let mut distance = Values::missing(&[height_px, width_px], 1);
+        let mut error = Values::missing(&[height_px, width_px], 1);
         for (at, ((value, bound), (own, own_bound))) in pixels.into_iter().enumerate() {
             distance.set(at, value, bound);
             error.set(at, own, own_bound);
