@@ -105,7 +105,7 @@ fn still_camera(still: &scene::Still, scene: &Scene, terrain: &HeightField) -> C
     Camera::new(eye, forward, still.roll_deg.to_radians(), scene)
 }
 
-/// An eye on the surface is on no side of it: it stands this much above.
+/// A camera placed less than this from the surface is moved to this height above it, so that "above or below" has an answer.
 const STANDING_M: f64 = 0.01;
 
 fn lifted(eye_m: DVec3, clearance_m: Option<f64>, scene: &Scene, terrain: &HeightField) -> DVec3 {

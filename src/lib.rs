@@ -1,10 +1,10 @@
 //! lodlab runs experiments with terrain level of detail on the GPU and reports error against run time.
 //!
-//! Read the modules in this order: an [`experiment`] file names a [`terrain`], a [`camera`] path and chains of
-//! [`stages`], each of which dispatches a WGSL [`kernel`]. A cell of its sweep becomes a [`plan`], a pure value:
-//! what runs, on which buffers, and what is left out and why. The plan is carried out on the [`gpu`], or walked
-//! in f64 by the [`mod@reference`]. The buffers that come back are compared with exact ground truth ([`measure`]);
-//! a [`run`] keeps a record of each cell and makes a [`report`]. [`check`] holds every stage to its reference.
+//! The modules in the order in which they build on each other: an [`experiment`] file names a [`terrain`], a [`camera`] path and chains of
+//! stages. A stage dispatches WGSL from a [`kernel`] file. A cell of the experiment's sweep becomes a [`plan`], a pure value: what runs, on
+//! which buffers, and what is left out and why. A [`mod@reference`] says in f64 what each buffer should hold. The [`stages`] state both.
+//! The [`gpu`] carries plans out; the buffers that come back are compared with exact ground truth by each [`measure`]. A [`report`] is made of
+//! the records that a [`run`] keeps of its cells. The [`check`] holds every stage to its reference.
 //!
 //! ```
 //! use lodlab::experiment::{Experiment, diagnostic::Source};

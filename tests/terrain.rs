@@ -249,3 +249,21 @@ proptest! {
         prop_assert!((field.surface_m(corner, Surface::Triangles) - around[0]).abs() < 1e-9);
     }
 }
+
+/// A seed is part of an experiment that somebody publishes: it gives the same heights in every version.
+#[test]
+fn seeds_give_the_same_terrain_for_good() {
+    let frozen: [(&str, [u32; 3]); 5] = [
+        ("Fbm", [0x43fe_cad8, 0x43b8_da4b, 0x43c1_3ed1]),
+        ("Ridged", [0x4437_297a, 0x4414_e688, 0x43c5_65bb]),
+        ("Billow", [0x437a_7415, 0x439e_d267, 0x4387_986e]),
+        ("Hybrid", [0x43f7_1453, 0x4348_ac08, 0x43a0_5bba]),
+        ("DomainWarped", [0x4414_242b, 0x43f9_19f0, 0x440f_ce58]),
+    ];
+    for (kind, expected) in frozen {
+        let text =
+            format!("Noise(kind: {kind}, seed: 7, size: (5, 4), cell_m: 30, height_m: (0, 1000), wavelength_m: 300)");
+        let heights_m = load(&text, Path::new("")).unwrap().heights_m;
+        assert_eq!([0, 7, 19].map(|at: usize| heights_m[at].to_bits()), expected, "{kind}");
+    }
+}
