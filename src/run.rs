@@ -3,6 +3,7 @@
 mod cell;
 mod dump;
 mod job;
+mod overflow;
 mod reports;
 mod setup;
 mod timings;
@@ -20,6 +21,8 @@ use crate::gpu::Gpu;
 use crate::plan::Capacities;
 use crate::report::records::{Identity, Record, Store};
 use crate::terrain::HeightField;
+
+use overflow::Overflow;
 
 pub use job::{Job, jobs};
 pub use setup::{Keep, Prepared, Setup, plan, prepare};
@@ -196,7 +199,7 @@ impl Sweep<'_> {
             let context = cell::Context { gpu, job, store, hash: &hash, options, tell };
             match cell::run(&context, truth.as_deref_mut())? {
                 cell::Ended::Done(results) => return Ok(self.record(job, identity, *results)),
-                cell::Ended::Overflowed { list, capacity, needed } => {
+                cell::Ended::Overflowed(Overflow { list, capacity, needed }) => {
                     let larger = needed.saturating_add(needed / 4);
                     tell(Event::Warning(format!(
                         "the list `{list}` holds {capacity} elements and needed {needed}: again with {larger}"

@@ -5,7 +5,7 @@ mod common;
 use common::{errors, lodlab, measure, records_of, run};
 use glam::{DVec2, DVec3};
 use lodlab::experiment::parameters::describe;
-use lodlab::measure::{mesh::Triangles, pinholes};
+use lodlab::measure::{pinholes, triangles::Triangles};
 use lodlab::run::{Keep, Setup};
 
 /// Chains over one scene.

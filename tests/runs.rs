@@ -6,6 +6,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use common::{errors, lodlab, measure, records, run, succeeded};
+use lodlab::run::{Keep, Setup};
 
 const SWEEP: &str = r#"
 Experiment(
@@ -324,4 +325,17 @@ fn adapters_are_opened_one_by_one() {
         assert!(opened.identity().contains(&adapter.backend));
     }
     assert!(lodlab::gpu::Gpu::open_nth(known.len()).is_err());
+}
+
+/// A buffer that the plan gave no memory is an error to read, and not a buffer of nothing.
+#[test]
+fn what_has_no_memory_is_not_read_as_nothing() {
+    let gpu = lodlab::gpu::Gpu::open(None).unwrap();
+    let scene = "terrain: Shape(kind: Flat, size: (9, 9)), camera: Still(eye: (100, 10, 50)), viewport: (8, 8)";
+    let setup = Setup::chain(scene, "[HeightPyramid, RayCast, ViewGrid]", "".as_ref(), Keep::Last).unwrap();
+    let executor = setup.executor(&gpu).unwrap();
+    let left_out = setup.plan.find("distance").unwrap();
+    assert!(!setup.plan.lives(left_out));
+    assert!(matches!(executor.read(left_out), Err(lodlab::gpu::GpuError::Plan(_))));
+    assert!(executor.read(setup.plan.find("grid_point").unwrap()).is_ok());
 }

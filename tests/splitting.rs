@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use common::bounds::{BOTH, BOUNDED, measured, splitting_holds as holds};
 use common::{Ran, SHAPES, VIEWS, errors, measure, records, run, succeeded};
 use lodlab::gpu::Gpu;
-use lodlab::measure::mesh::Listed;
+use lodlab::measure::triangles::Listed;
 
 /// Level, column and row of each block.
 fn leaves(ran: &Ran) -> Vec<(u32, u32, u32)> {

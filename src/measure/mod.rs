@@ -5,6 +5,7 @@
 
 pub mod figures;
 pub mod pinholes;
+pub mod triangles;
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;

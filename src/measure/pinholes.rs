@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::mesh::Triangles;
+use super::triangles::Triangles;
 use crate::camera::Camera;
 
 /// How far from a pixel's centre the mesh has to be closed, in pixels: rasterizers move edges by up to 1/16 of a pixel.

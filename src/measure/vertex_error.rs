@@ -5,7 +5,8 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::mesh::{Listed, Subject};
+use super::mesh::Subject;
+use super::triangles::Listed;
 use super::{Figures, Info, Measure, Measured, Seen, Tally, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;

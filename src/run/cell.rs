@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 
 use super::job::Job;
+use super::overflow::Overflow;
 use super::timings::{Timed, timed, timings};
 use super::{Event, Options, Truth, dump};
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::{Executor, Gpu, GpuError};
+use crate::gpu::{Executor, Gpu};
 use crate::measure::{Figures, Measured, Picture, Sampling, Seen, Tally};
 use crate::plan::{BufferId, Often, Plan, Storage};
 use crate::report::pictures;
@@ -36,25 +37,7 @@ pub fn picture_name(hash: &str, kind: &str) -> String {
 pub enum Ended {
     Done(Box<Results>),
     /// A list was too short in some frame, and nothing of this run counts.
-    Overflowed {
-        list: String,
-        capacity: u32,
-        needed: u32,
-    },
-}
-
-/// The first list that the frame which was just drawn needed longer.
-pub fn overflow(executor: &Executor, plan: &Plan) -> Result<Option<Ended>, Diagnostic> {
-    for guard in &plan.guards {
-        let needed: Vec<u32> = bytemuck::pod_collect_to_vec(&executor.read(guard.needed)?);
-        let Some(&needed) = needed.get(guard.at) else {
-            return Err(GpuError::Plan(format!("nothing says how long the list `{}` has to be", guard.list)).into());
-        };
-        if needed > guard.capacity {
-            return Ok(Some(Ended::Overflowed { list: guard.list.clone(), capacity: guard.capacity, needed }));
-        }
-    }
-    Ok(None)
+    Overflowed(Overflow),
 }
 
 pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Diagnostic> {
@@ -64,8 +47,8 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     let mut looks = Looks::new(context);
     for frame in 0..plan.frames {
         executor.frame(frame)?;
-        if let Some(overflowed) = overflow(&executor, plan)? {
-            return Ok(overflowed);
+        if let Some(overflow) = Overflow::after_frame(&executor, plan)? {
+            return Ok(Ended::Overflowed(overflow));
         }
         looks.frame(&executor, frame, truth.as_deref_mut())?;
         (context.tell)(Event::Frame { done: frame + 1, of: plan.frames });
@@ -73,9 +56,9 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     // timed apart: reading back and measuring between frames leaves caches and clocks as no renderer has them
     let asked_for = prepared.measures.iter().find_map(|chosen| chosen.measure.sampling());
     let sampling = asked_for.unwrap_or(Sampling { warmup: 0, repeats: 1 });
-    let (frames, by_steps) = match timed(context, &executor, sampling)? {
+    let (frames, by_steps) = match timed(gpu, plan, &executor, sampling)? {
         Timed::Frames { frames, by_steps } => (frames, by_steps),
-        Timed::Overflowed(overflowed) => return Ok(overflowed),
+        Timed::Overflowed(overflow) => return Ok(Ended::Overflowed(overflow)),
     };
     let mut warnings = Vec::new();
     let timings = if gpu.summary.timestamps {

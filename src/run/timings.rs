@@ -1,9 +1,9 @@
 //! Times of a cell: warm-up, the path as often as asked for, and what each step took.
 
-use super::cell::{Context, Ended, overflow};
+use super::overflow::Overflow;
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::Executor;
 use crate::gpu::execute::SubmissionTime;
+use crate::gpu::{Executor, Gpu};
 use crate::measure::Sampling;
 use crate::measure::time;
 use crate::plan::{Often, Plan};
@@ -12,19 +12,18 @@ use crate::report::records::{KernelTime, Timings};
 /// Whole frames and frames in steps, or a list that was too short for one of them.
 pub enum Timed {
     Frames { frames: Vec<SubmissionTime>, by_steps: Vec<SubmissionTime> },
-    Overflowed(Ended),
+    Overflowed(Overflow),
 }
 
 /// The path as often as asked for, in whole frames and, where nothing better tells, in steps. Whole frames and steps alternate frame by
 /// frame, so that both see the same machine state. With history that would run each frame twice in a row, so the two passes over the
 /// path are made one after the other.
-pub fn timed(context: &Context, executor: &Executor, sampling: Sampling) -> Result<Timed, Diagnostic> {
-    let plan = &context.job.plan;
+pub fn timed(gpu: &Gpu, plan: &Plan, executor: &Executor, sampling: Sampling) -> Result<Timed, Diagnostic> {
     for frame in 0..sampling.warmup {
         executor.frame(frame as usize % plan.frames)?;
     }
     let (mut frames, mut by_steps) = (Vec::new(), Vec::new());
-    let needs_steps = !context.gpu.summary.timestamps;
+    let needs_steps = !gpu.summary.timestamps;
     let ways = if needs_steps { &[false, true][..] } else { &[false] };
     let order: Vec<(usize, bool)> = match plan.remembers() {
         true => ways.iter().flat_map(|&way| (0..plan.frames).map(move |frame| (frame, way))).collect(),
@@ -37,8 +36,8 @@ pub fn timed(context: &Context, executor: &Executor, sampling: Sampling) -> Resu
                 false => frames.push(executor.frame(frame)?),
             }
             // after another frame than before, a list can be longer
-            if let Some(overflowed) = overflow(executor, plan)? {
-                return Ok(Timed::Overflowed(overflowed));
+            if let Some(overflow) = Overflow::after_frame(executor, plan)? {
+                return Ok(Timed::Overflowed(overflow));
             }
         }
     }
