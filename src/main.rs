@@ -72,6 +72,8 @@ enum Command {
     Stages { name: Option<String> },
     /// Compares every stage with its f64 reference on ordinary and extreme input
     Check {
+        /// Only this stage, on its own examples
+        stage: Option<String>,
         /// The adapter whose name contains this [default: every adapter]
         #[arg(long, value_name = "NAME")]
         adapter: Option<String>,
@@ -101,7 +103,7 @@ fn main() -> ExitCode {
         }
         Command::Plan { file, set } => settings(set.into_iter()).and_then(|settings| show_plans(&file, settings)),
         Command::Stages { name } => show_stages(name.as_deref()),
-        Command::Check { adapter } => run_checks(adapter.as_deref()),
+        Command::Check { stage, adapter } => run_checks(stage.as_deref(), adapter.as_deref()),
         Command::Devices => show_devices(),
     };
     match result {
@@ -155,6 +157,10 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
             if path.exists() {
                 say!("{what} {}", path.display());
             }
+        }
+        for record in outcome.records.iter().filter(|_| !options.dump.is_empty()) {
+            let path = outcome.folder.join("dumps").join(&record.hash);
+            say!("dump:     {} ({})", path.display(), record.label());
         }
     }
     Ok(())
@@ -271,7 +277,8 @@ fn show_parameter(parameter: &Parameter) {
     }
 }
 
-fn run_checks(adapter: Option<&str>) -> Result<(), Diagnostic> {
+fn run_checks(stage: Option<&str>, adapter: Option<&str>) -> Result<(), Diagnostic> {
+    let cases = check::cases::cases(stage)?;
     let known = device::list();
     if known.is_empty() {
         return Err(lodlab::gpu::GpuError::NoAdapter.into());
@@ -283,9 +290,15 @@ fn run_checks(adapter: Option<&str>) -> Result<(), Diagnostic> {
     let mut failures = 0;
     for gpu in gpus {
         say!("{}", gpu.summary.name);
-        for outcome in check::run(&gpu)? {
-            say!("  {outcome}");
-            failures += usize::from(!outcome.passed());
+        for case in &cases {
+            let outcomes = check::run_case(&gpu, case)?;
+            // of one stage, what leads to it is not asked for
+            let is_wanted =
+                |outcome: &&check::Outcome| stage.is_none_or(|stage| outcome.stage == stage || !outcome.passed());
+            for outcome in outcomes.iter().filter(is_wanted) {
+                say!("  {outcome}");
+                failures += usize::from(!outcome.passed());
+            }
         }
     }
     match failures {

@@ -130,6 +130,8 @@ pub struct Difference {
     pub compared: usize,
     /// Values that hang on a decision rounding can turn, which nothing is said about.
     pub undecided: usize,
+    /// Values that the reference says nothing of, because nothing is written there.
+    pub gaps: usize,
     /// Values beyond their bound, or present on one side only.
     pub beyond: usize,
     /// Largest difference within what is decided, and the largest as a multiple of its bound.
@@ -162,6 +164,7 @@ impl Difference {
     pub fn merge(&mut self, other: &Difference) {
         self.compared += other.compared;
         self.undecided += other.undecided;
+        self.gaps += other.gaps;
         self.beyond += other.beyond;
         self.largest = self.largest.max(other.largest);
         self.largest_of_bound = self.largest_of_bound.max(other.largest_of_bound);
@@ -182,8 +185,9 @@ pub fn compare(gpu: &[f64], reference: &Values) -> Difference {
         return difference;
     }
     for (at, (&ours, (&value, &bound))) in gpu.iter().zip(reference.value.iter().zip(&reference.bound)).enumerate() {
-        if !reference.is_gap(at) {
-            difference.add(ours, value, bound);
+        match reference.is_gap(at) {
+            true => difference.gaps += 1,
+            false => difference.add(ours, value, bound),
         }
     }
     difference

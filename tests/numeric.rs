@@ -6,7 +6,8 @@ use lodlab::gpu::Gpu;
 use lodlab::stages::REGISTRY;
 
 fn main() {
-    let trials = cases::cases().into_iter().map(|case| Trial::test(case.name.clone(), move || agrees(&case)));
+    let cases = cases::cases(None).unwrap_or_else(|error| panic!("{error}"));
+    let trials = cases.into_iter().map(|case| Trial::test(case.name.clone(), move || agrees(&case)));
     let all =
         trials.chain([Trial::test("every buffer of every stage is compared", every_buffer_is_compared)]).collect();
     libtest_mimic::run(&Arguments::from_args(), all).exit();
@@ -24,7 +25,7 @@ fn every_buffer_is_compared() -> Result<(), Failed> {
     let scenes = ["anisotropic Triangles", "slow Triangles", "gentle Triangles"];
     let gpu = Gpu::open(None)?;
     let mut outcomes = Vec::new();
-    for case in cases::cases().iter().filter(|case| scenes.contains(&case.name.as_str())) {
+    for case in cases::cases(None)?.iter().filter(|case| scenes.contains(&case.name.as_str())) {
         outcomes.extend(check::run_case(&gpu, case)?);
     }
     for entry in REGISTRY {

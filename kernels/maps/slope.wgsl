@@ -1,4 +1,5 @@
 // How steep the ground is at each height sample, and which way it falls. Beyond the border the ground goes on as it is there.
+// Differences after Horn 1981, Hill shading and the reflectance map.
 
 struct Params {
     /// Columns and rows of samples.
@@ -14,7 +15,7 @@ struct Params {
 /// Degrees clockwise from north; -1 where the ground is level.
 @group(0) @binding(3) var<storage, read_write> aspect: array<f32>;
 
-/// Differences of the rows and columns beside count half as much as those through the sample (Horn 1981); without, not at all.
+/// Differences of the rows and columns beside count half as much as those through the sample; without, not at all.
 override HORN: bool = true;
 override WRITE_SLOPE: bool = true;
 override WRITE_ASPECT: bool = true;

@@ -1,7 +1,8 @@
 //! What the check runs: the registry's examples over terrains and views, kind and unkind.
 
+use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::scene::Surface;
-use crate::stages::{Example, REGISTRY};
+use crate::stages::{self, Example, REGISTRY};
 
 /// A scene and the chains that run over it.
 pub struct Case {
@@ -47,15 +48,27 @@ fn stages_of(chain: &str) -> Vec<String> {
     stages
 }
 
-fn case(name: String, terrain: &str, surface: Surface, camera: &str) -> Case {
-    let fits = |example: &&Example| example.only_on.is_none_or(|only| only == surface);
-    let examples = examples().into_iter().filter(fits).collect();
+fn case(name: String, terrain: &str, surface: Surface, camera: &str, examples: &[&'static Example]) -> Case {
+    let fits = |example: &&&'static Example| example.only_on.is_none_or(|only| only == surface);
+    let examples = examples.iter().filter(fits).copied().collect();
     let scene = format!("terrain: {terrain}, surface: {surface:?}, camera: {camera}, viewport: (67, 45)");
     Case { name: format!("{name} {surface:?}"), scene, examples }
 }
 
-/// Terrains from 2 x 2 samples to large, kind and unkind; cameras above, below, beside, far, near and slow.
-pub fn cases() -> Vec<Case> {
+/// The examples of one stage, or of all.
+fn wanted(stage: Option<&str>) -> Result<Vec<&'static Example>, Diagnostic> {
+    let Some(name) = stage else { return Ok(examples()) };
+    match stages::find(name) {
+        Some(entry) => Ok(entry.info.examples.iter().collect()),
+        None => Err(Diagnostic::input(format!("there is no stage `{name}`"))
+            .suggest(name, REGISTRY.iter().map(|entry| entry.info.name))),
+    }
+}
+
+/// Terrains from 2 x 2 samples to large, kind and unkind; cameras above, below, beside, far, near and slow. With the examples of one stage,
+/// or of all.
+pub fn cases(stage: Option<&str>) -> Result<Vec<Case>, Diagnostic> {
+    let examples = wanted(stage)?;
     let terrains = [
         ("smallest", "Shape(kind: Ramp, size: (2, 2), cell_m: 500.0, height_m: (0, 100))"),
         ("strip", "Shape(kind: Sine, size: (2, 65), cell_m: 30.0, height_m: (0, 50), period_cells: 9)"),
@@ -99,8 +112,10 @@ pub fn cases() -> Vec<Case> {
     ];
     let of_terrains = terrains.into_iter().map(|(name, terrain)| (name, terrain, orbit));
     let all = of_terrains.chain(views);
-    all.flat_map(|(name, terrain, camera)| surfaces.map(|surface| case(name.into(), terrain, surface, camera)))
-        .collect()
+    let case = |(name, terrain, camera): (&str, &str, &str)| {
+        surfaces.map(|surface| case(name.into(), terrain, surface, camera, &examples))
+    };
+    Ok(all.flat_map(case).collect())
 }
 
 #[cfg(test)]

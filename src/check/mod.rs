@@ -64,17 +64,18 @@ impl Outcome {
 impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match &self.verdict {
-            Verdict::Failed(why) => write!(f, "FAIL {:<28} {} {}: {why}", self.case, self.stage, self.buffer),
-            Verdict::DoesNotFit(why) => write!(f, "skip {:<28} {}: {why}", self.case, self.stage),
+            Verdict::Failed(why) => write!(f, "FAIL {:<34} {} {}: {why}", self.case, self.stage, self.buffer),
+            Verdict::DoesNotFit(why) => write!(f, "skip {:<34} {}: {why}", self.case, self.stage),
             Verdict::Compared => write!(
                 f,
-                "{} {:<28} {:<14} {:<12} {:>7} values, {:>5} undecided; local {:.2e} ({:.2} of bound, {} beyond), accumulated {:.2e} ({} beyond, {:.0} % undecided)",
+                "{} {:<34} {:<17} {:<14} {:>7} values, {:>5} undecided, {:>5} gaps; local {:.2e} ({:.2} of bound, {} beyond), accumulated {:.2e} ({} beyond, {:.0} % undecided)",
                 if self.passed() { "ok  " } else { "FAIL" },
                 self.case,
                 self.stage,
                 self.buffer,
                 self.local.compared,
                 self.local.undecided,
+                self.local.gaps,
                 self.local.largest,
                 self.local.largest_of_bound,
                 self.local.beyond,
@@ -86,15 +87,6 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// Runs all cases on one adapter.
-pub fn run(gpu: &Gpu) -> Result<Vec<Outcome>, Diagnostic> {
-    let mut outcomes = Vec::new();
-    for case in cases::cases() {
-        outcomes.extend(run_case(gpu, &case)?);
-    }
-    Ok(outcomes)
-}
-
 /// Runs the examples of a case on one adapter.
 pub fn run_case(gpu: &Gpu, case: &Case) -> Result<Vec<Outcome>, Diagnostic> {
     let folder =
@@ -103,7 +95,7 @@ pub fn run_case(gpu: &Gpu, case: &Case) -> Result<Vec<Outcome>, Diagnostic> {
     for (number, example) in case.examples.iter().enumerate() {
         let setup = set_up(case, example, folder.path())?;
         let known = known::find(&gpu.summary.name, example.chain);
-        let name = format!("{} {}", case.name, number + 1);
+        let name = format!("{}, chain {}", case.name, number + 1);
         match (gpu.check_plan(&setup.plan), known) {
             (Err(GpuError::Limit { .. }), Some(known)) => {
                 outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::DoesNotFit(known.reason)));

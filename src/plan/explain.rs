@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Buffer, Often, Plan, Storage, Vertices, Work};
+use super::{Buffer, Often, Plan, Step, Storage, Vertices, Work};
 
 /// What runs, on what, and what was left out and why.
 pub fn explain(plan: &Plan) -> String {
@@ -28,7 +28,7 @@ fn write_plan(plan: &Plan, out: &mut String) -> std::fmt::Result {
                     format!("triangles from `{}`", plan.buffer(*id).name)
                 }
             };
-            writeln!(out, "    {:<14} {:<22} {work}", step.stage, step.label)?;
+            writeln!(out, "    {:<14} {:<22} {work}{}", step.stage, step.label, constants(step))?;
         }
     }
     writeln!(out, "  buffers:")?;
@@ -47,6 +47,13 @@ fn write_plan(plan: &Plan, out: &mut String) -> std::fmt::Result {
         writeln!(out)?;
     }
     Ok(())
+}
+
+/// The variant of the kernel that runs.
+fn constants(step: &Step) -> String {
+    let known = step.constants.iter().filter(|(name, _)| step.kernel.overrides.contains(name));
+    let shown: Vec<String> = known.map(|(name, value)| format!("{name}={value}")).collect();
+    if shown.is_empty() { String::new() } else { format!(" [{}]", shown.join(" ")) }
 }
 
 fn describe(buffer: &Buffer) -> String {

@@ -245,7 +245,12 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
     fn check_params(&self, structure: &crate::kernel::Structure) -> Result<(), Diagnostic> {
         for field in &structure.fields {
             let Some((_, series)) = self.step.params.iter().find(|(name, _)| *name == field.name) else {
-                return Err(self.mistake(format!("the parameter `{}` has no value", field.name), &field.origin));
+                let message = format!("the parameter `{}` has no value", field.name);
+                let help = match self.step.kernel.trusted {
+                    true => format!("`plan` of this stage gives it one with `.set(\"{}\", ..)`", field.name),
+                    false => format!("give it one with `params: ({}: ..)`", field.name),
+                };
+                return Err(self.mistake(message, &field.origin).help(help));
             };
             let fits = match (series.at(0), field.kind) {
                 (Value::F32(v), FieldKind::F32(n)) => v.len() == n as usize,

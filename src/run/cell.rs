@@ -64,7 +64,7 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     let timings = if gpu.summary.timestamps {
         timings(plan, &executor, &once, &frames, &frames)
     } else {
-        warnings.push("timestamps are missing or contradict the clock: times are wall times".to_string());
+        warnings.push("this adapter's timestamps are not to be believed: times are those of the clock".to_string());
         timings(plan, &executor, &executor.setup_by_steps()?, &frames, &by_steps)
     };
     let buffers = looks.hashes();
