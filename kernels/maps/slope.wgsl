@@ -30,6 +30,19 @@ fn difference(sample: vec2<i32>, along: vec2<i32>) -> f32 {
     return at(sample + along) - at(sample - along);
 }
 
+/// Clockwise from north, where `down` points: the way that water runs.
+fn falls_to(down: vec2<f32>) -> f32 {
+    // of zeros WGSL promises nothing in atan2, and there are adapters that take south for north
+    if down.x == 0.0 {
+        return select(180.0, 0.0, down.y > 0.0);
+    }
+    if down.y == 0.0 {
+        return select(270.0, 90.0, down.x > 0.0);
+    }
+    let clockwise = degrees(atan2(down.x, down.y));
+    return select(clockwise, clockwise + 360.0, clockwise < 0.0);
+}
+
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.size) {
@@ -50,8 +63,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         slope[index] = degrees(atan(length(gradient)));
     }
     if WRITE_ASPECT {
-        // the way that water runs
-        let clockwise = degrees(atan2(-gradient.x, -gradient.y));
-        aspect[index] = select(select(clockwise, clockwise + 360.0, clockwise < 0.0), -1.0, all(gradient == vec2(0.0)));
+        aspect[index] = select(falls_to(-gradient), -1.0, all(gradient == vec2(0.0)));
     }
 }
