@@ -20,7 +20,7 @@ struct Params {
 @group(0) @binding(2) var<storage, read> height_max: array<f32>;
 @group(0) @binding(3) var<storage, read> height_min: array<f32>;
 @group(0) @binding(4) var<storage, read_write> distance: array<f32>;
-/// For each tile, a t that all its rays reach without a hit; FAR if none of them hits anything.
+/// For each tile of pixels, a t that all its rays reach without a hit; FAR if none of them hits anything.
 @group(0) @binding(5) var<storage, read_write> clear_until: array<f32>;
 @group(0) @binding(6) var<storage, read> start: array<f32>;
 @group(0) @binding(7) var nearest: sampler;
