@@ -1,6 +1,7 @@
 //! What each measure of the registry takes to look at one frame of 1024 x 768 pixels: `cargo bench --bench measures`.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -29,21 +30,26 @@ fn measures(criterion: &mut Criterion) {
     }
 }
 
-fn bench(criterion: &mut Criterion, gpu: &Gpu, info: &Info, (name, chain): (&str, &str)) -> Result<(), Diagnostic> {
+fn bench(
+    criterion: &mut Criterion,
+    gpu: &Arc<Gpu>,
+    info: &Info,
+    (name, chain): (&str, &str),
+) -> Result<(), Diagnostic> {
     let text = format!("Experiment({SCENE}, chains: {{\"{name}\": [{chain}]}}, measure: [{}])", info.name);
     let experiment = Experiment::read(Source::new("bench", text), "".into())?;
     for job in run::jobs(run::prepare(&experiment, &[])?, &Options::default())? {
-        let executor = Executor::new(gpu, &job.plan, &job.prepared.data)?;
+        let plan = job.plan()?;
+        let mut executor = Executor::new(gpu, &plan, &job.prepared.data)?;
         executor.setup()?;
         executor.frame(0)?;
         let mut buffers = BTreeMap::new();
-        for &id in &job.plan.outputs {
+        for &id in &plan.outputs {
             buffers.insert(id, executor.read(id)?);
         }
-        let mut truth = job.truth.as_deref().map(|plan| Truth::new(gpu, plan, &job.prepared)).transpose()?;
+        let mut truth = job.truth.as_ref().map(|plan| Truth::new(gpu, plan, &job.prepared)).transpose()?;
         let truth = truth.as_mut().map(|truth| truth.frame(0)).transpose()?;
-        let seen =
-            Seen { plan: &job.plan, data: &job.prepared.data, frame: 0, buffers: &buffers, truth: truth.as_ref() };
+        let seen = Seen { plan: &plan, data: &job.prepared.data, frame: 0, buffers: &buffers, truth: truth.as_ref() };
         let measure = &job.prepared.measures[0].measure;
         criterion.bench_function(&format!("{} of a {name}", info.name), |bench| {
             bench.iter(|| measure.begin().frame(&seen));

@@ -9,9 +9,11 @@ use std::process::Command;
 use std::time::Instant;
 
 use lodlab::experiment::diagnostic::Diagnostic;
+use lodlab::gpu::submit::SubmissionTime;
 use lodlab::gpu::{Executor, Gpu};
-use lodlab::plan::SceneData;
+use lodlab::plan::Plan;
 use lodlab::run::{Keep, Setup};
+use lodlab::scene::{HEIGHT, SceneData};
 
 struct View {
     name: &'static str,
@@ -108,14 +110,14 @@ fn compare(peer: &Path, shared: &Path, folder: &Path, adapter: Option<&str>) -> 
     for view in &VIEWS {
         let setup = Setup::chain(&scene(view, shared), "[HeightPyramid, RayCast]", &shared.join("dem"), Keep::Last)?;
         let Setup { prepared, plan } = &setup;
-        let executor = Executor::new(&gpu, plan, &prepared.data)?;
+        let mut executor = Executor::new(&gpu, plan, &prepared.data)?;
         let theirs = run_peer(peer, folder, view, &prepared.data);
-        let build_ms = median(9, || Ok(executor.setup()?.wall_ms))?;
+        let build_ms = median(9, || Ok(without_uploads(&executor.setup()?, plan)))?;
         let cast_ms = median(9, || Ok(executor.frame(0)?.wall_ms))?;
         let Some(theirs) = theirs else { return Ok("skipped: the peer does not run".into()) };
         let ours: Vec<f32> = bytemuck::pod_collect_to_vec(&executor.read(plan.outputs[0])?);
         let agreement = agree(&ours, &theirs.distance_m);
-        let outside = outside(&executor)?;
+        let outside = outside(&mut executor)?;
         // writing to a String cannot fail
         let _ = writeln!(
             table,
@@ -158,8 +160,8 @@ fn scene(view: &View, shared: &Path) -> String {
 
 fn run_peer(peer: &Path, folder: &Path, view: &View, data: &SceneData) -> Option<Peer> {
     let (heights, out) = (folder.join("heights.f32"), folder.join("out.f32"));
-    std::fs::write(&heights, bytemuck::cast_slice(&data.terrain.heights_m)).ok()?;
-    let terrain = &data.terrain;
+    std::fs::write(&heights, data.input(HEIGHT)?.bytes()).ok()?;
+    let terrain = data.ground.lattice();
     let numbers = [f64::from(terrain.size.x), f64::from(terrain.size.y), terrain.cell_m.x, terrain.cell_m.y];
     let numbers = numbers.into_iter().chain(view.eye).chain(view.target).chain([FOV_DEG, SIZE.0.into(), SIZE.1.into()]);
     let output =
@@ -173,6 +175,12 @@ fn run_peer(peer: &Path, folder: &Path, view: &View, data: &SceneData) -> Option
         packet_ms: number("packet8_ms")?,
         distance_m,
     })
+}
+
+/// What is left of setting up when the terrain is on the device: the peer has it in memory, too.
+fn without_uploads(setup: &SubmissionTime, plan: &Plan) -> f64 {
+    let uploads = setup.steps.iter().filter(|time| plan.steps[time.step].run().is_none());
+    setup.wall_ms - uploads.filter_map(|time| time.ms).sum::<f64>()
 }
 
 struct Agreement {
@@ -204,7 +212,7 @@ fn agree(ours: &[f32], theirs: &[f32]) -> Agreement {
 
 /// Share of a frame outside its kernels: a frame against the same kernels, each by itself on the clock less what
 /// an empty submission takes. In pairs, since a machine is not equally fast all the time.
-fn outside(executor: &Executor) -> Result<f64, Diagnostic> {
+fn outside(executor: &mut Executor) -> Result<f64, Diagnostic> {
     let pair = || {
         let frame_ms = executor.frame(0)?.wall_ms;
         let inside_ms: f64 = executor.frame_by_steps(0)?.steps.iter().filter_map(|time| time.ms).sum();

@@ -4,6 +4,7 @@
 //! All of them go over the same slow flight, 5 m a frame, frame by frame beside each other; the medians of many such rows are compared.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Instant;
 
@@ -11,8 +12,9 @@ use glam::{UVec2, Vec2, Vec3};
 use lodlab::camera::Camera;
 use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::gpu::Gpu;
+use lodlab::ground::pyramid::Layout;
 use lodlab::run::{self, Keep, Options, Setup};
-use lodlab::stages::shared::pyramid::Layout;
+use lodlab::scene::HEIGHT;
 use rayon::prelude::*;
 
 const THRESHOLD_PX: f32 = 1.0;
@@ -31,7 +33,7 @@ fn set_up(chain: &str, wanted: &[&str]) -> Result<Setup, Diagnostic> {
     let chain = format!("[HeightPyramid, Roughness, {chain}]");
     let mut setup = Setup::chain(&scene, &chain, "".as_ref(), Keep::Last)?;
     let dump = wanted.iter().map(|name| name.to_string()).collect();
-    setup.plan = run::plan(&setup.prepared, &Options { dump, ..Default::default() })?;
+    setup.plan = Arc::new(run::plan(&setup.prepared, &Options { dump, ..Default::default() })?);
     Ok(setup)
 }
 
@@ -227,18 +229,18 @@ fn compare() -> Result<(), Diagnostic> {
     ];
     let wanted = ["leaf", "leaf_count", "roughness", "height_min", "height_max"];
     let setups = chains.iter().map(|(_, chain)| set_up(chain, &wanted)).collect::<Result<Vec<_>, _>>()?;
-    let executors = setups.iter().map(|setup| setup.executor(&gpu)).collect::<Result<Vec<_>, _>>()?;
+    let mut executors = setups.iter().map(|setup| setup.executor(&gpu)).collect::<Result<Vec<_>, _>>()?;
     let Setup { prepared, plan } = &setups[0];
     let floats = |name: &str| -> Result<Vec<f32>, Diagnostic> {
         Ok(bytemuck::pod_collect_to_vec(&executors[0].read(plan.find(name)?)?))
     };
-    let terrain = &prepared.data.terrain;
+    let terrain = prepared.data.ground.lattice();
     let roughness_m = floats("roughness")?;
     let quadtree = Quadtree {
-        layout: Layout::new(terrain.size - 1),
+        layout: terrain.cells(),
         size: terrain.size,
         cell_m: terrain.cell_m.as_vec2(),
-        heights_m: terrain.heights_m.clone(),
+        heights_m: prepared.data.input(HEIGHT).map_or(Vec::new(), |input| bytemuck::pod_collect_to_vec(input.bytes())),
         low_m: floats("height_min")?,
         high_m: floats("height_max")?,
         split: roughness_m.chunks(32).map(|_| AtomicU32::new(0)).collect(),
@@ -248,9 +250,9 @@ fn compare() -> Result<(), Diagnostic> {
     let mut rows: Vec<[f64; 6]> = Vec::new();
     let mut leaves = [0.0, 0.0];
     for round in 0..6 {
-        for (frame, camera) in prepared.data.cameras.iter().enumerate() {
+        for (frame, camera) in prepared.data.cameras().iter().enumerate() {
             let mut row = [0.0; 6];
-            for (at, executor) in executors.iter().enumerate() {
+            for (at, executor) in executors.iter_mut().enumerate() {
                 row[at] = executor.frame(frame)?.wall_ms;
             }
             let view = View::new(camera);

@@ -5,12 +5,13 @@
 //! again.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::experiment::sweep::read_setting;
-use lodlab::gpu::execute::SubmissionTime;
+use lodlab::gpu::submit::SubmissionTime;
 use lodlab::gpu::{Gpu, GpuError};
 use lodlab::plan::Often;
 use lodlab::run::{Keep, Setup};
@@ -50,13 +51,13 @@ fn set_up(example: &Example, folder: &Path) -> Result<Setup, Diagnostic> {
 }
 
 /// The steps of the chain's last stage, and its whole frame.
-fn bench(criterion: &mut Criterion, gpu: &Gpu, name: &str, setup: &Setup) -> Result<(), GpuError> {
-    let executor = setup.executor(gpu)?;
+fn bench(criterion: &mut Criterion, gpu: &Arc<Gpu>, name: &str, setup: &Setup) -> Result<(), GpuError> {
+    let mut executor = setup.executor(gpu)?;
     let mut group = criterion.benchmark_group(name);
-    let last = setup.plan.steps.iter().map(|step| step.stage_index).max();
+    let last = setup.plan.steps.iter().filter_map(|step| step.run().map(|_| step.stage_index)).max();
     for (at, step) in setup.plan.steps.iter().enumerate().filter(|(_, step)| Some(step.stage_index) == last) {
         let is_once = step.often == Often::Once;
-        let run = || if is_once { executor.setup_by_steps() } else { executor.frame_by_steps(0) };
+        let mut run = || if is_once { executor.setup_by_steps() } else { executor.frame_by_steps(0) };
         let often = if is_once { "once" } else { "frame" };
         group.bench_function(format!("{} ({often})", step.label), |bench| {
             bench.iter_custom(|times| {
@@ -65,7 +66,7 @@ fn bench(criterion: &mut Criterion, gpu: &Gpu, name: &str, setup: &Setup) -> Res
         });
     }
     group.bench_function("whole frame", |bench| {
-        bench.iter(|| executor.frame(0).unwrap_or_else(|error| panic!("{error}")))
+        bench.iter(|| executor.timed_frame(0).unwrap_or_else(|error| panic!("{error}")))
     });
     group.finish();
     Ok(())

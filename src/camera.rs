@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::experiment::scene::{self, Scene};
-use crate::terrain::HeightField;
+use crate::ground::Ground;
 
 /// One frame's camera. Pixel (0, 0) is top left, pixel centres are at +0.5.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,49 +72,37 @@ impl Camera {
 }
 
 /// The cameras of all frames, the same ones every time.
-pub fn path(scene: &Scene, terrain: &HeightField) -> Vec<Camera> {
+pub fn path(scene: &Scene, ground: &dyn Ground) -> Vec<Camera> {
     let frames = scene.camera.frames();
     (0..frames)
         .map(|frame| match &scene.camera {
-            scene::Camera::Still(still) => still_camera(still, scene, terrain),
+            scene::Camera::Still(still) => still_camera(still, scene, ground),
             scene::Camera::Orbit(orbit) => {
                 let share = f64::from(frame) / f64::from(frames);
                 let angle = (orbit.start_deg + 360.0 * orbit.turns * share).to_radians();
                 let center = DVec3::from(orbit.center);
                 let offset = DVec3::new(angle.sin() * orbit.radius_m, angle.cos() * orbit.radius_m, orbit.height_m);
-                Camera::looking_at(lifted(center + offset, orbit.clearance_m, scene, terrain), center, scene)
+                Camera::looking_at(ground.stand(center + offset, orbit.clearance_m), center, scene)
             }
             scene::Camera::Flight(flight) => {
                 let share = if frames == 1 { 0.0 } else { f64::from(frame) / f64::from(frames - 1) };
                 let at = share * flight.keys.len().saturating_sub(1) as f64;
                 let eye = spline(&flight.keys, at, |key| key.eye.into());
                 let target = spline(&flight.keys, at, |key| key.look_at.into());
-                Camera::looking_at(lifted(eye, flight.clearance_m, scene, terrain), target, scene)
+                Camera::looking_at(ground.stand(eye, flight.clearance_m), target, scene)
             }
         })
         .collect()
 }
 
-fn still_camera(still: &scene::Still, scene: &Scene, terrain: &HeightField) -> Camera {
-    let eye = lifted(still.eye.into(), still.clearance_m, scene, terrain);
+fn still_camera(still: &scene::Still, scene: &Scene, ground: &dyn Ground) -> Camera {
+    let eye = ground.stand(still.eye.into(), still.clearance_m);
     let (yaw, pitch) = (still.yaw_deg.to_radians(), still.pitch_deg.to_radians());
     let forward = match still.look_at {
         Some(target) => (DVec3::from(target) - eye).normalize_or(DVec3::Y),
         None => DVec3::new(yaw.sin() * pitch.cos(), yaw.cos() * pitch.cos(), pitch.sin()),
     };
     Camera::new(eye, forward, still.roll_deg.to_radians(), scene)
-}
-
-/// A camera placed less than this from the surface is moved to this height above it, so that "above or below" has an answer.
-const STANDING_M: f64 = 0.01;
-
-fn lifted(eye_m: DVec3, clearance_m: Option<f64>, scene: &Scene, terrain: &HeightField) -> DVec3 {
-    let ground = eye_m.truncate();
-    let ground_m = terrain.surface_m(ground, scene.surface);
-    let eye_z = clearance_m.map_or(eye_m.z, |clearance_m| eye_m.z.max(ground_m + clearance_m));
-    let is_inside = ground.cmpge(DVec2::ZERO).all() && ground.cmple(terrain.extent_m()).all();
-    let is_standing = is_inside && (eye_z - ground_m).abs() < STANDING_M;
-    ground.extend(if is_standing { ground_m + STANDING_M } else { eye_z })
 }
 
 /// Catmull-Rom through the keys at `at`, counted in keys; the ends are doubled.

@@ -1,7 +1,8 @@
 //! lodlab runs experiments with terrain level of detail on the GPU and reports error against run time.
 //!
 //! The modules in the order in which they build on each other: an [`experiment`] file names a [`terrain`], a [`camera`] path and chains of
-//! stages. A stage dispatches WGSL from a [`kernel`] file. A cell of the experiment's sweep becomes a [`plan`], a pure value: what runs, on
+//! stages. The [`ground`] says what the surface is. A stage dispatches WGSL from a [`kernel`] file. Ground, inputs and cameras are a [`scene`];
+//! what kernels are told of one camera is a [`frame`]. A cell of the experiment's sweep becomes a [`plan`], a pure value: what runs, on
 //! which buffers, and what is left out and why. A [`mod@reference`] says in f64 what each buffer should hold. The [`stages`] state both.
 //! The [`gpu`] carries plans out; the buffers that come back are compared with exact ground truth by each [`measure`]. A [`report`] is made of
 //! the records that a [`run`] keeps of its cells. The [`check`] holds every stage to its reference.
@@ -29,8 +30,11 @@
 
 pub mod experiment;
 pub mod terrain;
+pub mod ground;
 pub mod camera;
 pub mod kernel;
+pub mod scene;
+pub mod frame;
 pub mod plan;
 pub mod reference;
 pub mod stages;

@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -52,8 +53,8 @@ enum Command {
         /// Frames of the camera path, instead of what the file says
         #[arg(long, value_name = "N")]
         frames: Option<u32>,
-        /// Writes a buffer of every frame as .npy
-        #[arg(long, value_name = "BUFFER")]
+        /// Writes a buffer of every frame as .npy: as the frame leaves it, or as it is after a step (a stage, a label, or STAGE/LABEL)
+        #[arg(long, value_name = "BUFFER[@STEP]")]
         dump: Vec<String>,
         /// Runs finished cells again
         #[arg(long)]
@@ -283,7 +284,7 @@ fn run_checks(stage: Option<&str>, adapter: Option<&str>) -> Result<(), Diagnost
     if known.is_empty() {
         return Err(lodlab::gpu::GpuError::NoAdapter.into());
     }
-    let gpus: Vec<Gpu> = match adapter {
+    let gpus: Vec<Arc<Gpu>> = match adapter {
         Some(name) => vec![Gpu::open(Some(name))?],
         None => (0..known.len()).map(Gpu::open_nth).collect::<Result<_, _>>()?,
     };

@@ -5,11 +5,15 @@
 
 use std::sync::Arc;
 
+use glam::UVec2;
 use thiserror::Error;
 
 use crate::camera::Camera;
-use crate::plan::SceneData;
+use crate::experiment::scene::Surface;
+use crate::ground::cell::Cell;
+use crate::ground::{Ground, Lattice, Samples};
 use crate::plan::product::{Product, Products};
+use crate::scene::SceneData;
 
 /// The f64 half of a stage.
 pub trait Reference {
@@ -28,6 +32,33 @@ pub struct Absent(pub String);
 pub struct Frame<'a> {
     pub data: &'a SceneData,
     pub camera: &'a Camera,
+    /// The ground that stages find here: the scene's, or one that a kernel has made.
+    pub ground: &'a dyn Ground,
+    pub is_scene_ground: bool,
+    /// What the frame before left; nothing in the first one.
+    pub previous: Option<&'a Buffers>,
+}
+
+impl<'a> Frame<'a> {
+    /// A frame before which there was none, over the scene's ground.
+    pub fn first(data: &'a SceneData, camera: &'a Camera) -> Self {
+        Self { data, camera, ground: data.ground.as_ref(), is_scene_ground: true, previous: None }
+    }
+
+    pub fn lattice(&self) -> Lattice {
+        self.ground.lattice()
+    }
+
+    /// Every height is the same, as far as a plan can know.
+    pub fn is_flat(&self) -> bool {
+        self.is_scene_ground && self.ground.is_flat()
+    }
+
+    /// Heights at the corners of a cell.
+    pub fn cell(&self, at: UVec2) -> Cell {
+        let height = |x, y| self.ground.height_m(at + UVec2::new(x, y));
+        Cell { nw: height(0, 0), ne: height(1, 0), sw: height(0, 1), se: height(1, 1) }
+    }
 }
 
 /// Contents of a buffer in f64 with a derived bound for each value.
@@ -70,20 +101,48 @@ impl Values {
 pub struct ValuesId(usize);
 
 /// The buffers of a chain in the order in which they were made, and the products they are part of.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Buffers {
     all: Vec<(String, Arc<Values>)>,
     products: Products<ValuesId>,
+    scene_ground: Arc<dyn Ground>,
+    surface: Surface,
+    /// The ground that a kernel has made, and which values it is.
+    made_ground: Option<(ValuesId, Arc<dyn Ground>)>,
 }
 
 impl Buffers {
-    /// What the first stage finds: the terrain.
+    /// What the first stage finds: the inputs of the scene.
     pub fn of_scene(data: &SceneData) -> Self {
-        let size = data.terrain.size;
-        let height = data.terrain.heights_m.iter().map(|&height| f64::from(height)).collect();
-        let mut buffers = Self::default();
-        buffers.put("height", Values::exact(&[size.y, size.x], 1, height));
+        let mut buffers = Self {
+            all: Vec::new(),
+            products: Products::default(),
+            scene_ground: data.ground.clone(),
+            surface: data.scene.surface,
+            made_ground: None,
+        };
+        for input in &data.inputs {
+            let values = input.elem.values(input.packing, input.bytes());
+            let components = input.packing.components(input.elem);
+            buffers.put(input.name, Values::exact(&[input.size.y, input.size.x], components, values));
+        }
         buffers
+    }
+
+    /// The ground as it is now.
+    pub fn ground(&self) -> Arc<dyn Ground> {
+        self.made_ground.as_ref().map_or(&self.scene_ground, |(_, ground)| ground).clone()
+    }
+
+    pub fn is_scene_ground(&self) -> bool {
+        self.made_ground.is_none()
+    }
+
+    /// Makes values the ground of what comes after.
+    pub fn change_ground(&mut self, heights: ValuesId) {
+        let lattice = self.scene_ground.lattice();
+        let ground = Samples::made(lattice, self.values(heights).value.as_slice().into(), self.surface);
+        self.made_ground = Some((heights, Arc::new(ground)));
     }
 
     /// The newest buffer of a name.
@@ -109,6 +168,9 @@ impl Buffers {
     /// New contents of a buffer.
     pub fn replace(&mut self, id: ValuesId, values: Values) {
         self.all[id.0].1 = Arc::new(values);
+        if self.made_ground.as_ref().is_some_and(|(heights, _)| *heights == id) {
+            self.change_ground(id);
+        }
     }
 
     pub fn latest<P: Product<ValuesId>>(&self) -> Result<P, Absent> {
@@ -214,6 +276,7 @@ fn compare_sorted(gpu: &[f64], reference: &Values, difference: &mut Difference) 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::terrain::HeightField;
 
     #[test]
     fn another_length_is_a_difference() {
@@ -235,8 +298,12 @@ mod tests {
 
     #[test]
     fn what_nobody_left_is_said_to_be_absent() {
-        assert_eq!(Buffers::default().get("hieght").unwrap_err(), Absent("the buffer `hieght`".into()));
-        let no_mesh = Buffers::default().latest::<crate::plan::product::Mesh<ValuesId>>();
+        let field = HeightField { size: UVec2::new(2, 2), cell_m: glam::DVec2::ONE, heights_m: vec![0.0; 4] };
+        let ground = Arc::new(Samples::new(Arc::new(field), Surface::Triangles));
+        let (all, products) = (Vec::new(), Products::default());
+        let buffers = Buffers { all, products, scene_ground: ground, surface: Surface::Triangles, made_ground: None };
+        assert_eq!(buffers.get("hieght").unwrap_err(), Absent("the buffer `hieght`".into()));
+        let no_mesh = buffers.latest::<crate::plan::product::Mesh<ValuesId>>();
         assert!(no_mesh.is_err());
     }
 }

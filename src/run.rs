@@ -10,7 +10,7 @@ mod timings;
 mod truth;
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,14 +18,13 @@ use crate::experiment::Experiment;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::sweep::Setting;
 use crate::gpu::Gpu;
-use crate::plan::Capacities;
+use crate::plan::{Capacities, Plan};
 use crate::report::records::{Identity, Record, Store};
-use crate::terrain::HeightField;
 
 use overflow::Overflow;
 
 pub use job::{Job, jobs};
-pub use setup::{Keep, Prepared, Setup, plan, prepare};
+pub use setup::{Keep, Prepared, Setup, Tap, Tapped, plan, prepare};
 pub use truth::Truth;
 
 #[derive(Clone, Debug, Default)]
@@ -81,7 +80,7 @@ pub struct Outcome {
 /// Runs an experiment into a folder. What was computed stays, also if a later cell fails.
 pub fn run(
     experiment: &Experiment,
-    gpu: &Gpu,
+    gpu: &Arc<Gpu>,
     folder: &Path,
     options: &Options,
     tell: &dyn Fn(Event),
@@ -94,28 +93,17 @@ pub fn run(
 pub fn carry_out(
     title: &str,
     jobs: Vec<Job>,
-    gpu: &Gpu,
+    gpu: &Arc<Gpu>,
     folder: &Path,
     options: &Options,
     tell: &dyn Fn(Event),
 ) -> Result<Outcome, Diagnostic> {
-    if let Some(name) = options.dump.iter().find(|name| jobs.iter().all(|job| job.plan.find(name).is_err())) {
-        return Err(jobs.first().and_then(|job| job.plan.find(name).err()).unwrap_or_else(|| nothing_to_dump(name)));
-    }
-    for job in &jobs {
-        gpu.check_plan(&job.plan)?;
-    }
+    // every cell is planned before the first one runs, so that a mistake shows at once; the plans are made again when they are needed
+    let identities = checked(&jobs, gpu, options)?;
     let store = Store::open(folder)?;
     for path in &store.unreadable {
         tell(Event::Warning(format!("`{}` is no record of this version, and its cell runs again", path.display())));
     }
-    let mut hashes: BTreeMap<*const HeightField, String> = BTreeMap::new();
-    let mut identity = |job: &Job| {
-        let terrain = &job.prepared.data.terrain;
-        let hash = hashes.entry(Arc::as_ptr(terrain)).or_insert_with(|| terrain.hash());
-        job.identity(hash, gpu)
-    };
-    let identities: Vec<Identity> = jobs.iter().map(&mut identity).collect();
     let is_finished = |identity: &Identity| store.finished(&identity.hash()).is_some();
     let runs_anyway = options.force || !options.dump.is_empty();
     let must_run: Vec<bool> = identities.iter().map(|identity| runs_anyway || !is_finished(identity)).collect();
@@ -131,13 +119,37 @@ pub fn carry_out(
     Ok(Outcome { records, folder: folder.to_path_buf(), ran, finished })
 }
 
+/// The identities of all jobs, or the first thing that is wrong with one.
+fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Vec<Identity>, Diagnostic> {
+    let mut hashes = job::InputHashes::default();
+    let mut absent: Vec<(&String, Option<Diagnostic>)> = options.dump.iter().map(|name| (name, None)).collect();
+    let (mut identities, mut does_not_fit) = (Vec::new(), None);
+    for job in jobs {
+        let plan = job.plan()?;
+        absent.retain_mut(|(name, why)| match plan.find(name) {
+            Ok(_) => false,
+            Err(error) => {
+                why.get_or_insert(error);
+                true
+            }
+        });
+        does_not_fit = does_not_fit.or(gpu.check_plan(&plan).err());
+        identities.push(job.identity(&plan, &mut hashes, gpu));
+    }
+    match (absent.into_iter().next(), does_not_fit) {
+        (Some((name, why)), _) => Err(why.unwrap_or_else(|| nothing_to_dump(name))),
+        (None, Some(error)) => Err(error.into()),
+        (None, None) => Ok(identities),
+    }
+}
+
 fn nothing_to_dump(name: &str) -> Diagnostic {
     Diagnostic::input(format!("there is no cell that could have a buffer `{name}`"))
 }
 
 struct Sweep<'a> {
     title: &'a str,
-    gpu: &'a Gpu,
+    gpu: &'a Arc<Gpu>,
     store: &'a Store,
     options: &'a Options,
     tell: &'a dyn Fn(Event),
@@ -155,7 +167,7 @@ impl Sweep<'_> {
                 continue;
             }
             let job = &jobs[first];
-            let mut truth = job.truth.as_deref().map(|plan| Truth::new(self.gpu, plan, &job.prepared)).transpose()?;
+            let mut truth = job.truth.as_ref().map(|plan| Truth::new(self.gpu, plan, &job.prepared)).transpose()?;
             for at in (first..jobs.len()).filter(|&at| must_run[at]) {
                 if at == first || job.shares_truth(&jobs[at]) {
                     self.run_cell(&jobs[at], at, truth.as_mut())?;
@@ -196,9 +208,10 @@ impl Sweep<'_> {
         loop {
             let job = longer.as_ref().unwrap_or(job);
             let Sweep { gpu, store, options, tell, .. } = *self;
-            let context = cell::Context { gpu, job, store, hash: &hash, options, tell };
+            let plan = &job.plan()?;
+            let context = cell::Context { gpu, job, plan, store, hash: &hash, options, tell };
             match cell::run(&context, truth.as_deref_mut())? {
-                cell::Ended::Done(results) => return Ok(self.record(job, identity, *results)),
+                cell::Ended::Done(results) => return Ok(self.record(job, plan, identity, *results)),
                 cell::Ended::Overflowed(Overflow { list, capacity, needed }) => {
                     let larger = needed.saturating_add(needed / 4);
                     tell(Event::Warning(format!(
@@ -213,7 +226,7 @@ impl Sweep<'_> {
         }
     }
 
-    fn record(&self, job: &Job, identity: &Identity, results: cell::Results) -> Record {
+    fn record(&self, job: &Job, plan: &Plan, identity: &Identity, results: cell::Results) -> Record {
         for warning in &results.warnings {
             (self.tell)(Event::Warning(warning.clone()));
         }
@@ -225,11 +238,11 @@ impl Sweep<'_> {
             settings: cell.settings.clone(),
             measures: results.measures,
             timings: results.timings,
-            bytes: job.plan.bytes(),
+            bytes: plan.bytes(),
             buffers: results.buffers,
             warnings: results.warnings,
-            plan: crate::plan::explain(&job.plan),
-            left_out: job.plan.left_out.clone(),
+            plan: crate::plan::explain(plan),
+            left_out: plan.left_out.clone(),
             adapter: self.gpu.summary.clone(),
             identity: identity.clone(),
         }

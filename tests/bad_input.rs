@@ -73,6 +73,14 @@ fn with_kernel(name: &'static str, replace: &str, with: &str) -> Case {
     Case { kernel: KERNEL.replacen(replace, with, 1), ..case(name, experiment) }
 }
 
+impl Case {
+    /// With another change to the kernel.
+    fn replaced(self, replace: &str, with: &str) -> Self {
+        assert!(self.kernel.contains(replace), "{replace}");
+        Self { kernel: self.kernel.replace(replace, with), ..self }
+    }
+}
+
 fn set(name: &'static str, arguments: &[&'static str]) -> Case {
     Case { arguments: [&["plan", "bad.ron"], arguments].concat(), ..case(name, experiment("bad", "bad")) }
 }
@@ -250,6 +258,9 @@ fn file_cases() -> Vec<Case> {
         case("npy all NaN", dem("file: \"empty.npy\", cell_m: 30, nodata: Interpolate")),
         case("range for floating point heights", dem("file: \"nan.npy\", cell_m: 30, height_m: (0, 1)")),
         case("crop outside", dem("file: \"good.png\", cell_m: 30, crop: (2, 2, 5, 5)")),
+        case("colours that are not there", experiment("viewport:", "colour: Image(file: \"nowhere.png\"), viewport:")),
+        case("colours of garbage", experiment("viewport:", "colour: Image(file: \"garbage.tif\"), viewport:")),
+        case("an unknown kind of colours", experiment("viewport:", "colour: Autumn(), viewport:")),
         case("resample to nothing", dem("file: \"good.png\", cell_m: 30, resample: (0, 0)")),
     ]
 }
@@ -298,6 +309,13 @@ fn kernel_cases() -> Vec<Case> {
         case("a distance of another size", kernel(&BIND.replace("like: \"height\"", "size: (10, 7), as: Distance"), "params: (scale: 1), over: \"mine\"")),
         case("offered as nothing that is known", kernel(&BIND.replace("of: F32", "of: F32, as: Depth"), &ok)),
         case("over nothing", kernel(BIND, "params: (scale: 1), over: (0, 8)")),
+        case("the frame before of nothing", kernel(&BIND.replace("\"height\",", "Last(\"depth\"),"), &ok)),
+        case("the frame before of an input", kernel(&BIND.replace("\"height\",", "Last(\"height\"),"), &ok)),
+        case("a ground of another size", kernel(&BIND.replace("mine", "height").replace("like: \"height\"", "size: (10, 7)"), "params: (scale: 1), over: (10, 7)")),
+        case("a pyramid of another ground", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace("[Kernel", "[HeightPyramid, Kernel").replace(", HeightPyramid, RayCast]", ", RayCast]")),
+        case("a proof on another ground", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace(", HeightPyramid, RayCast]", ", HeightPyramid, Roughness(error: Proven), RayCast]")),
+        with_kernel("WGSL with a block of other fields", "struct Params {", "struct Motion {\n    @align(16) speed: f32,\n}\nstruct Params {\n    motion: Motion,"),
+        with_kernel("WGSL image of three dimensions", "src: array<f32>", "unused: array<f32>").replaced("var<storage, read> unused: array<f32>", "var src: texture_3d<f32>").replaced("src[id.x]", "textureLoad(src, id, 0).x"),
     ]
 }
 
@@ -313,9 +331,19 @@ fn command_cases() -> Vec<Case> {
         with("wrong adapter", &["run", "bad.ron", "--adapter", "Voodoo"]),
         with("folder that cannot be written", &["run", "bad.ron", "--out", "good.png/out"]),
         with("dump of nothing", &["run", "bad.ron", "--dump", "depth"]),
+        with("dump after no step", &["run", "bad.ron", "--dump", "distance@Warp"]),
         with(
             "terrain too large for the adapter",
-            &["run", "bad.ron", "--adapter", "llvmpipe", "--set", "scene.terrain.size=(8000, 8000)"],
+            &[
+                "run",
+                "bad.ron",
+                "--adapter",
+                "llvmpipe",
+                "--set",
+                "scene.terrain.size=(8000, 8000)",
+                "--set",
+                "scene.held_as=Array",
+            ],
         ),
     ]
 }

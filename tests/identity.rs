@@ -11,7 +11,7 @@ use lodlab::experiment::diagnostic::Source;
 use lodlab::experiment::tree::Node;
 use lodlab::gpu::Gpu;
 use lodlab::kernel::Kernel;
-use lodlab::plan::{Plan, Series, Value};
+use lodlab::plan::{Plan, Run, Work};
 use lodlab::run::{self, Event, Job, Options, Prepared};
 use lodlab::{experiment::StageCall, stages};
 
@@ -58,6 +58,13 @@ fn stage(text: &str) -> Box<dyn stages::Stage> {
     stages::read(&call, Path::new("")).unwrap()
 }
 
+fn runs(plan: &mut Plan) -> impl Iterator<Item = &mut Run> {
+    plan.steps.iter_mut().filter_map(|step| match &mut step.work {
+        Work::Run(run) => Some(run.as_mut()),
+        _ => None,
+    })
+}
+
 #[test]
 fn a_changed_default_runs_cells_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -76,10 +83,12 @@ fn a_changed_constant_in_planning_code_runs_cells_again() {
     let experiment = experiment(CHAIN, "ScreenError");
     reasons(folder.path(), &experiment, unchanged, as_planned);
     let nearer = |job: &mut Job| {
-        for step in &mut job.plan.steps {
-            let near = step.params.iter_mut().filter(|(name, _)| name == "near_m");
-            near.for_each(|(_, value)| *value = Series::Same(Value::F32(vec![0.2])));
+        let mut plan = (*job.plan().unwrap()).clone();
+        for run in runs(&mut plan) {
+            let near = run.params.iter_mut().filter(|(name, _)| name == "near_m");
+            near.for_each(|(_, value)| *value = 0.2f32.into());
         }
+        *job = job.with_plan(plan);
     };
     let changed = reasons(folder.path(), &experiment, unchanged, nearer);
     assert_eq!(changed, ["changed: what lodlab makes of the same parameters"]);
@@ -88,11 +97,11 @@ fn a_changed_constant_in_planning_code_runs_cells_again() {
 /// The plan with another text of one kernel.
 fn with_kernel(plan: &Plan, name: &str, change: (&str, &str)) -> Plan {
     let mut plan = plan.clone();
-    for step in plan.steps.iter_mut().filter(|step| step.kernel.name == name) {
-        let source = &step.kernel.assembled.main;
+    for run in runs(&mut plan).filter(|run| run.kernel.name == name) {
+        let source = &run.kernel.assembled.main;
         assert!(source.text.contains(change.0), "{name} has no `{}`", change.0);
         let text = source.text.replace(change.0, change.1);
-        step.kernel = Kernel::from_source(Source::new(source.name.clone(), text), true).unwrap();
+        run.kernel = Kernel::from_source(Source::new(source.name.clone(), text), true, None).unwrap();
     }
     plan
 }
@@ -113,7 +122,7 @@ fn a_changed_kernel_of_the_ground_truth_runs_cells_again() {
     let timed = experiment(CHAIN, "Time");
     reasons(folder.path(), &timed, unchanged, as_planned);
     assert_eq!(reasons(folder.path(), &timed, unchanged, other_truth), [""; 0]);
-    let own = |job: &mut Job| job.plan = with_kernel(&job.plan, "project.wgsl", change);
+    let own = |job: &mut Job| *job = job.with_plan(with_kernel(&job.plan().unwrap(), "project.wgsl", change));
     assert_eq!(reasons(folder.path(), &timed, unchanged, own), ["changed: kernel project.wgsl"]);
 }
 
@@ -159,7 +168,8 @@ fn cells_that_compute_the_same_run_once() {
 fn a_fingerprint_is_of_what_is_carried_out() {
     let plan = |chain: &str| {
         let experiment = experiment(chain, "ScreenError");
-        run::plan(&run::prepare(&experiment, &[]).unwrap()[0], &Options::default()).unwrap().fingerprint()
+        let prepared = run::prepare(&experiment, &[]).unwrap();
+        run::plan(&prepared[0], &Options::default()).unwrap().fingerprint(&prepared[0].data)
     };
     let own = plan(CHAIN);
     assert_eq!(own, plan(&CHAIN.replace("Project", "PlanePyramid, Project")));

@@ -5,7 +5,7 @@ use std::path::Path;
 use lodlab::experiment::diagnostic::Source;
 use lodlab::experiment::parameters::describe;
 use lodlab::experiment::tree::Node;
-use lodlab::kernel::Kernel;
+use lodlab::kernel::{GroundForm, Kernel};
 use lodlab::stages::REGISTRY;
 
 #[test]
@@ -13,8 +13,10 @@ fn every_kernel_validates() {
     let paths = Kernel::built_in_paths();
     assert!(!paths.is_empty());
     for path in paths {
-        let kernel = Kernel::built_in(&path).unwrap_or_else(|error| panic!("{error}"));
-        assert!(!kernel.entries.is_empty(), "{path} has no entry point");
+        for form in [None, Some(GroundForm::Array), Some(GroundForm::Image)] {
+            let kernel = Kernel::built_in(&path, form).unwrap_or_else(|error| panic!("{error}"));
+            assert!(!kernel.entries.is_empty(), "{path} has no entry point");
+        }
     }
 }
 
@@ -23,7 +25,7 @@ fn kernels_of_the_experiments_validate() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/kernels");
     for entry in std::fs::read_dir(folder).unwrap().flatten() {
         let text = std::fs::read_to_string(entry.path()).unwrap();
-        Kernel::from_source(Source::new(entry.path().display().to_string(), text), false)
+        Kernel::from_source(Source::new(entry.path().display().to_string(), text), false, None)
             .unwrap_or_else(|error| panic!("{error}"));
     }
 }
@@ -44,6 +46,44 @@ fn a_library_has_no_bindings_and_no_entry_points() {
             assert!(!text.contains(word), "{} has {word}", entry.path().display());
         }
     }
+}
+
+/// The files of the ground are the one door to it.
+#[test]
+fn no_kernel_binds_the_ground_by_hand() {
+    let kernels = Path::new(env!("CARGO_MANIFEST_DIR")).join("kernels");
+    let rooms = std::fs::read_dir(&kernels).unwrap().flatten().map(|room| room.path());
+    for room in rooms.filter(|room| room.is_dir() && !room.ends_with("ground")) {
+        for file in std::fs::read_dir(room).unwrap().flatten() {
+            let text = std::fs::read_to_string(file.path()).unwrap();
+            for binding in text.lines().filter(|line| line.starts_with("@group")) {
+                let name = binding.split(" height:").count();
+                assert!(name == 1 && binding.starts_with("@group(0)"), "{}: {binding}", file.path().display());
+            }
+            // what the surface is between samples is written in one place
+            assert!(!text.contains("north-east to south-west"), "{}", file.path().display());
+            assert!(
+                !text.contains("x + p.y <= 1.0") && !text.contains("x + place.y <= 1.0"),
+                "{}",
+                file.path().display()
+            );
+        }
+    }
+}
+
+/// Every form of the ground has the same functions.
+#[test]
+fn the_forms_of_the_ground_have_the_same_functions() {
+    let functions = |file: &str| {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("kernels/ground").join(file);
+        let text = std::fs::read_to_string(path).unwrap();
+        let lines = text.lines().filter(|line| line.starts_with("fn "));
+        let mut all: Vec<String> = lines.map(|line| line.trim_end_matches(" {").to_string()).collect();
+        all.sort();
+        all
+    };
+    assert!(functions("array.wgsl").len() >= 3);
+    assert_eq!(functions("array.wgsl"), functions("image.wgsl"));
 }
 
 /// Every documented parameter is accepted with its documented default, every documented choice is one, and no other name is.

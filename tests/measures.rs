@@ -120,7 +120,7 @@ fn a_user_s_kernel_offers_what_stages_and_measures_need() {
 fn a_pinhole_is_seen() {
     let scene = "terrain: Shape(kind: Flat, size: (9, 9)), camera: Still(eye: (100, -50, 300), yaw_deg: 0, pitch_deg: 0), viewport: (32, 24)";
     let setup = Setup::chain(scene, "[HeightPyramid]", "".as_ref(), Keep::Last).unwrap();
-    let camera = &setup.prepared.data.cameras[0];
+    let camera = &setup.prepared.data.cameras()[0];
     let corner = |x: f32, z: f32| [x, 100.0, z];
     let (a, b, c, d) = (corner(-400.0, -400.0), corner(400.0, -400.0), corner(-400.0, 400.0), corner(400.0, 400.0));
     let wall = Triangles { corners: vec![[a, b, c], [d, c, b]], border: Vec::new() };

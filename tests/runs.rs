@@ -320,7 +320,7 @@ fn reports_agree() {
 fn adapters_are_opened_one_by_one() {
     let known = lodlab::gpu::device::list();
     for (at, adapter) in known.iter().enumerate() {
-        let opened = lodlab::gpu::Gpu::open_nth(at).unwrap().summary;
+        let opened = lodlab::gpu::Gpu::open_nth(at).unwrap().summary.clone();
         assert_eq!((&opened.name, &opened.backend), (&adapter.name, &adapter.backend));
         assert!(opened.identity().contains(&adapter.backend));
     }

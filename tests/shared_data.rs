@@ -50,13 +50,13 @@ fn ground_truth(terrain: &str, surface: &str, camera: &str) -> Result<(), Failed
     let gpu = Gpu::open(None)?;
     let scene = format!("terrain: {terrain}, surface: {surface}, camera: {camera}, viewport: (64, 48)");
     let setup = Setup::chain(&scene, "[HeightPyramid, RayCast]", "".as_ref(), Keep::Last)?;
-    let executor = setup.executor(&gpu)?;
+    let mut executor = setup.executor(&gpu)?;
     executor.frame(0)?;
     let distance = setup.plan.products.latest::<Drawn<_>>().ok_or("nothing is drawn")?.distance;
     let ours = setup.plan.buffer(distance).values(&executor.read(distance)?);
     let data = &setup.prepared.data;
     let mut buffers = Buffers::of_scene(data);
-    setup.prepared.stages[1].reference(&Frame { data, camera: &data.cameras[0] }, &mut buffers)?;
+    setup.prepared.stages[1].reference(&Frame::first(data, &data.cameras()[0]), &mut buffers)?;
     let difference = reference::compare(&ours, &*buffers.get("distance")?);
     assert_eq!(difference.beyond, 0, "{difference:?}");
     assert!(difference.undecided < 200, "{difference:?}");

@@ -2,11 +2,13 @@
 
 use std::io::Write;
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec2, UVec2};
 use lodlab::experiment::diagnostic::Source;
 use lodlab::experiment::scene::{Surface, Terrain};
 use lodlab::experiment::tree::Node;
+use lodlab::ground::{Ground, Samples};
 use lodlab::terrain::{HeightField, TerrainError};
 use proptest::prelude::*;
 use tiff::encoder::{Compression, Predictor, TiffEncoder, colortype};
@@ -223,7 +225,7 @@ fn shapes_are_what_they_say_and_seeds_repeat() {
             |seed: u32| load(&format!("Noise(kind: {kind}, seed: {seed}, size: (33, 17))"), Path::new("")).unwrap();
         assert_eq!(noise(5).heights_m, noise(5).heights_m);
         assert_ne!(noise(5).heights_m, noise(6).heights_m);
-        let (low, high) = noise(5).range_m();
+        let (low, high) = Samples::new(Arc::new(noise(5)), Surface::Triangles).range_m();
         assert!(high > low + 10.0, "{kind} is flat");
     }
     let octaves = |octaves: u32| {
@@ -237,16 +239,19 @@ proptest! {
     #[test]
     fn the_surface_stays_within_its_cell(seed in 0u64..1000, x in 0.0..1.0f64, y in 0.0..1.0f64) {
         let field = load(&format!("Noise(kind: Ridged, seed: {seed}, size: (8, 6), cell_m: (10, 20))"), Path::new("")).unwrap();
-        let position = field.extent_m() * DVec2::new(x, y);
-        let at = field.sample_from_world(position).floor().as_uvec2().min(field.size - 2);
+        let field = Arc::new(field);
+        let ground = |surface| Samples::new(field.clone(), surface);
+        let lattice = ground(Surface::Triangles).lattice();
+        let position = lattice.extent_m() * DVec2::new(x, y);
+        let at = lattice.sample_from_world(position).floor().as_uvec2().min(field.size - 2);
         let around = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| f64::from(field.height_m(at.x + dx, at.y + dy)));
         for surface in [Surface::Triangles, Surface::Bilinear] {
-            let height = field.surface_m(position, surface);
+            let height = ground(surface).surface_at(position.extend(0.0)).z;
             let (low, high) = around.iter().fold((f64::MAX, f64::MIN), |(low, high), &h| (low.min(h), high.max(h)));
             prop_assert!((low - 1e-9..=high + 1e-9).contains(&height));
         }
-        let corner = DVec2::new(f64::from(at.x), f64::from(field.size.y - 1 - at.y)) * field.cell_m;
-        prop_assert!((field.surface_m(corner, Surface::Triangles) - around[0]).abs() < 1e-9);
+        let corner = lattice.world_from_sample(at.as_dvec2()).extend(1e4);
+        prop_assert!((ground(Surface::Triangles).above_m(corner) - (1e4 - around[0])).abs() < 1e-9);
     }
 }
 

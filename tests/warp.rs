@@ -3,13 +3,15 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use common::Ran;
 use lodlab::gpu::Gpu;
 
 const SCENE: &str = "terrain: Shape(kind: Flat, size: (9, 9)), camera: Still(eye: (100, 10, 50)), viewport: (8, 8)";
 
 /// The warp of a map of `columns` x `rows` cells with one of the stiff patterns.
-fn warp(gpu: &Gpu, kind: u32, (columns, rows): (u32, u32), parameters: &str) -> Ran {
+fn warp(gpu: &Arc<Gpu>, kind: u32, (columns, rows): (u32, u32), parameters: &str) -> Ran {
     let source = format!(
         "Kernel(file: \"pattern.wgsl\", entry: \"weights\", bind: {{\"importance\": New(name: \"importance\", of: F32, size: ({columns}, {rows}))}}, \
          params: (kind: {kind}), over: ({}, 1))",

@@ -1,15 +1,11 @@
 //!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
+//!include ground
 // The error of a projected grid as the paper estimates it: at each grid point, from the heights around (Loeffler et al. 2009, Eq. 2 to 4).
 
 struct Params {
     terrain: Terrain,
     /// Columns and rows of grid points.
     grid: vec2<u32>,
-    /// Layout of the minimum and maximum pyramids, and their coarsest level.
-    stride: u32,
-    tall_pow2: u32,
-    top: u32,
     threshold_px: f32,
     /// Pixels a radian of the field of view (Eq. 3).
     lambda: f32,
@@ -18,21 +14,18 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 /// x, y, z in metres from the eye; w: pyramid level.
 @group(0) @binding(1) var<storage, read> vertex: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> height: array<f32>;
-@group(0) @binding(3) var<storage, read> height_max: array<f32>;
-@group(0) @binding(4) var<storage, read> height_min: array<f32>;
 /// x, y, z in metres from the eye; w: normalised error.
-@group(0) @binding(5) var<storage, read_write> moved: array<vec4<f32>>;
-@group(0) @binding(6) var<storage, read_write> grid_error: array<f32>;
+@group(0) @binding(2) var<storage, read_write> moved: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read_write> grid_error: array<f32>;
 
 override WRITE_ERROR: bool = true;
 
 fn low_and_high(level: u32, at: vec2<i32>) -> vec2<f32> {
     if level == 0u {
-        return vec2(height[u32(at.y) * params.terrain.size.x + u32(at.x)]);
+        return vec2(ground_height(vec2<u32>(at)));
     }
-    let index = pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(at));
-    return vec2(height_min[index], height_max[index]);
+    let index = ground_node(level, vec2<u32>(at));
+    return vec2(ground_lowest(index), ground_highest(index));
 }
 
 /// Minimum and maximum around a place, fetched like the mean: bilinear in a level.
@@ -61,10 +54,10 @@ fn paper(@builtin(global_invocation_id) id: vec3<u32>) {
     let origin = vec2<f32>(params.terrain.eye_cell) + params.terrain.eye_fraction;
     let last = vec2<f32>(params.terrain.size - 1u);
     let cells = clamp(cells_from_world(params.terrain, point.xy), -origin, last - origin);
-    let level = clamp(point.w, 0.0, f32(params.top));
-    let finer = min(u32(level), params.top);
+    let level = clamp(point.w, 0.0, f32(GROUND_CELLS_TOP));
+    let finer = min(u32(level), GROUND_CELLS_TOP);
     var range_m = range_at(finer, cells);
-    range_m = mix(range_m, range_at(min(finer + 1u, params.top), cells), level - f32(finer));
+    range_m = mix(range_m, range_at(min(finer + 1u, GROUND_CELLS_TOP), cells), level - f32(finer));
     let low = relative_height(params.terrain, range_m.x);
     let high = relative_height(params.terrain, range_m.y);
     let delta_m = max(max(high - point.z, point.z - low), 0.0);

@@ -1,18 +1,15 @@
 //!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
+//!include lib/view.wgsl
+//!include ground
 //!include lib/footprint.wgsl
 // How far a projected grid can be from the surface anywhere in each of its cells (`bound`), and the grid raised until it is nowhere under
 // the surface (`raise`): docs/proven_bound.md.
 
 struct Params {
     terrain: Terrain,
+    view: View,
     /// Columns and rows of grid points.
     grid: vec2<u32>,
-    /// Layout of the pyramid of planes.
-    stride: u32,
-    tall_pow2: u32,
-    /// Pixels from the middle of the picture to where a ray leaves it at 45 degrees.
-    focal_px: f32,
     /// How far the rasterizer may see a corner from where it is.
     snap_px: f32,
 }
@@ -20,19 +17,16 @@ struct Params {
 @group(0) @binding(0) var<uniform> params: Params;
 /// x, y, z in metres from the eye; w: pyramid level.
 @group(0) @binding(1) var<storage, read> vertex: array<vec4<f32>>;
-@group(0) @binding(2) var<storage, read> height: array<f32>;
 /// Of each node: height in its middle and largest distance of the surface from its plane; its slopes as two halves.
-@group(0) @binding(3) var<storage, read> height_plane: array<vec2<f32>>;
-@group(0) @binding(4) var<storage, read> plane_slope: array<u32>;
+@group(0) @binding(2) var<storage, read> height_plane: array<vec2<f32>>;
+@group(0) @binding(3) var<storage, read> plane_slope: array<u32>;
 /// For both triangles of a cell: lowest and highest of surface minus plane, in metres.
-@group(0) @binding(5) var<storage, read_write> cell_bound: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read_write> cell_bound: array<vec4<f32>>;
 /// How far a cell's corners have to rise, in metres.
-@group(0) @binding(6) var<storage, read_write> cell_raise: array<f32>;
-@group(0) @binding(7) var<storage, read> raises: array<f32>;
+@group(0) @binding(5) var<storage, read_write> cell_raise: array<f32>;
+@group(0) @binding(6) var<storage, read> raises: array<f32>;
 /// x, y, z in metres from the eye; w: metres it was raised.
-@group(0) @binding(8) var<storage, read_write> moved: array<vec4<f32>>;
-
-override BILINEAR: bool = false;
+@group(0) @binding(7) var<storage, read_write> moved: array<vec4<f32>>;
 
 /// z = at_m + slope . (place - corner), places in cells from the eye.
 struct Plane {
@@ -144,12 +138,9 @@ fn look(found: Found, cell: Cell, part: Part) -> Found {
 
 /// The surface in one cell of the terrain: two planes, each where it holds, or a patch.
 fn look_at_cell(before: Found, cell: Cell, node: vec2<i32>) -> Found {
-    let at = u32(node.y) * params.terrain.size.x + u32(node.x);
-    let below = at + params.terrain.size.x;
-    let nw = relative_height(params.terrain, height[at]);
-    let ne = relative_height(params.terrain, height[at + 1u]);
-    let sw = relative_height(params.terrain, height[below]);
-    let se = relative_height(params.terrain, height[below + 1u]);
+    let four = ground_corners(node);
+    let h = vec4(relative_height(params.terrain, four.x), relative_height(params.terrain, four.y),
+                 relative_height(params.terrain, four.z), relative_height(params.terrain, four.w));
     let corner = relative_cells(params.terrain, node);
     // a little wider than it is: neighbours round the line between them each in their own way
     let low = max(cell.low, corner) - 1e-6;
@@ -160,23 +151,23 @@ fn look_at_cell(before: Found, cell: Cell, node: vec2<i32>) -> Found {
     if BILINEAR {
         let place = 0.5 * (from_corner + to_corner);
         let half = 0.5 * (to_corner - from_corner);
-        let twist = nw - ne - sw + se;
-        let slope = vec2(ne - nw + twist * place.y, sw - nw + twist * place.x);
-        let at_m = mix(mix(nw, ne, place.x), mix(sw, se, place.x), place.y);
+        let twist = ground_twist(h);
+        let slope = ground_slope(h, true) + twist * place.yx;
+        let at_m = ground_on_patch(h, place);
         return look(found, cell, Part(low, high, Plane(corner + place, at_m, slope), abs(twist) * half.x * half.y));
     }
-    if from_corner.x + from_corner.y <= 1.0 {
-        found = look(found, cell, Part(low, high, Plane(corner, nw, vec2(ne - nw, sw - nw)), 0.0));
+    if ground_is_north_west(from_corner) {
+        found = look(found, cell, Part(low, high, Plane(corner, h.x, ground_slope(h, true)), 0.0));
     }
-    if to_corner.x + to_corner.y >= 1.0 {
-        found = look(found, cell, Part(low, high, Plane(corner + 1.0, se, vec2(se - sw, se - ne)), 0.0));
+    if ground_past_diagonal(to_corner) >= 0.0 {
+        found = look(found, cell, Part(low, high, Plane(corner + 1.0, h.w, ground_slope(h, false)), 0.0));
     }
     return found;
 }
 
 /// The surface in a node, from its plane.
 fn look_at_node(found: Found, cell: Cell, level: u32, node: vec2<i32>) -> Found {
-    let index = pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(node));
+    let index = ground_node(level, vec2<u32>(node));
     let plane = height_plane[index];
     let corner = relative_cells(params.terrain, node << vec2(level));
     let side = f32(1u << level);
@@ -236,7 +227,7 @@ fn bound(@builtin(global_invocation_id) id: vec3<u32>) {
     let high = max(max(nw, ne), max(sw, se));
     let extent = (high.xy - low.xy) * cell_m;
     let farthest = max(abs(low), abs(high)) * vec3(cell_m, 1.0);
-    let snap_m = params.snap_px / params.focal_px * length(farthest);
+    let snap_m = params.snap_px / params.view.focal_px * length(farthest);
     // the bounds hold on the ground close to the cell and behind it, too; see `proven` of picture/rasterize_grid.wgsl
     let around = (EDGE * max(extent.x, extent.y) + snap_m) / cell_m + 1e-6 * max(abs(low.xy), abs(high.xy));
     let x = vec4(nw.x, ne.x, sw.x, se.x);

@@ -1,5 +1,5 @@
 //!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
+//!include ground
 //!include lib/projector.wgsl
 // Grid points to terrain vertices: ray to the base plane (Livny et al. 2008, Eq. 1), height from the mean
 // pyramid at the level that fits the cell's extent (their Eq. 6; Loeffler et al. 2009, Eq. 1).
@@ -9,22 +9,17 @@ struct Params {
     /// Columns and rows of grid points.
     grid: vec2<u32>,
     projector: Projector,
-    stride: u32,
-    tall_pow2: u32,
     /// Coarsest level that is sampled.
     max_level: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> grid_point: array<vec2<f32>>;
-@group(0) @binding(2) var<storage, read> height: array<f32>;
-@group(0) @binding(3) var<storage, read> height_mean: array<f32>;
-@group(0) @binding(4) var<storage, read_write> vertex: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read> height_mean: array<f32>;
+@group(0) @binding(3) var<storage, read_write> vertex: array<vec4<f32>>;
 
 /// Sample the finest level only.
 override FINEST: bool = false;
-/// The surface between samples is bilinear patches and not triangles.
-override BILINEAR: bool = false;
 /// Blend the two levels around the wanted one instead of taking the finer.
 override BLEND: bool = true;
 
@@ -34,9 +29,9 @@ fn ground_of(at: vec2<u32>) -> vec2<f32> {
 
 fn sample(level: u32, at: vec2<i32>) -> f32 {
     if level == 0u {
-        return height[u32(at.y) * params.terrain.size.x + u32(at.x)];
+        return ground_height(vec2<u32>(at));
     }
-    return height_mean[pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(at))];
+    return height_mean[pyramid_index(ground_means(), level, vec2<u32>(at))];
 }
 
 /// The surface at level 0, bilinear between the nodes of the others; `cells` are relative sample coordinates. A node stands in the middle
@@ -51,13 +46,11 @@ fn height_at(level: u32, cells: vec2<f32>) -> f32 {
     let ne = sample(level, vec2(nodes.high.x, nodes.low.y));
     let sw = sample(level, vec2(nodes.low.x, nodes.high.y));
     let se = sample(level, nodes.high);
-    if level == 0u && !BILINEAR {
-        // the surface itself: two triangles, the diagonal from north-east to south-west
-        let north_west = nw + (ne - nw) * w.x + (sw - nw) * w.y;
-        let south_east = se + (sw - se) * (1.0 - w.x) + (ne - se) * (1.0 - w.y);
-        return select(south_east, north_west, w.x + w.y <= 1.0);
+    let four = vec4(nw, ne, sw, se);
+    if level == 0u {
+        return ground_surface(four, w);
     }
-    return mix(mix(nw, ne, w.x), mix(sw, se, w.x), w.y);
+    return ground_on_patch(four, w);
 }
 
 /// Distance to the farthest grid neighbour on the base plane, in cells.

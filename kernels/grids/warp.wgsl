@@ -198,8 +198,8 @@ fn compose(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let west = max(id.x, 1u) - 1u;
     let east = min(id.x, params.size.x - 1u);
-    let tall_pow2 = params.size.y + 1u;
-    let y = between(warp_columns[west * tall_pow2 + id.y], warp_columns[east * tall_pow2 + id.y], 0.5);
+    let points = params.size.y + 1u;
+    let y = between(warp_columns[west * points + id.y], warp_columns[east * points + id.y], 0.5);
     let place = clamp(y * f32(params.size.y) - 0.5, 0.0, f32(params.size.y - 1u));
     let north = min(u32(place), params.size.y - 1u);
     let south = min(north + 1u, params.size.y - 1u);

@@ -1,7 +1,8 @@
+//!include ground
+//!include lib/view.wgsl
 // What becomes of a block of the quadtree: out of the picture, fine enough, or to be split (Lee, Shin 2011, Eq. 2).
 //
-// A kernel that includes this binds `height`, `height_min`, `height_max` and `roughness`, and has `terrain`, `stride`, `tall_pow2`,
-// `threshold_px`, `focal_px` and the camera's axes, sides and extremes in its parameters.
+// A kernel that includes this binds `roughness`, and has `terrain: Terrain`, `view: View` and `threshold_px` in its parameters.
 
 /// The roughness is a bound, and the decision keeps it.
 override PROVEN: bool = false;
@@ -19,7 +20,7 @@ fn last_sample() -> vec2<u32> {
 }
 
 fn index_of(level: u32, at: vec2<u32>) -> u32 {
-    return pyramid_index(params.stride, params.tall_pow2, level, at);
+    return ground_node(level, at);
 }
 
 struct Box {
@@ -33,8 +34,8 @@ fn box_of(level: u32, at: vec2<u32>, index: u32) -> Box {
     let a = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(block.low)));
     let b = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(block.high)));
     // rows run south
-    return Box(vec3(a.x, b.y, relative_height(params.terrain, height_min[index])),
-               vec3(b.x, a.y, relative_height(params.terrain, height_max[index])));
+    return Box(vec3(a.x, b.y, relative_height(params.terrain, ground_lowest(index))),
+               vec3(b.x, a.y, relative_height(params.terrain, ground_highest(index))));
 }
 
 /// The largest of `n . p` over a box, by a little more than rounding can take from it.
@@ -46,9 +47,9 @@ fn farthest_along(n: vec3<f32>, box: Box) -> f32 {
 
 /// How far a box reaches into the picture, by the side that it reaches over least; negative outside.
 fn reach_inside(box: Box) -> f32 {
-    let sides = min(min(farthest_along(params.side_left, box), farthest_along(params.side_right, box)),
-                    min(farthest_along(params.side_top, box), farthest_along(params.side_bottom, box)));
-    return min(sides, farthest_along(params.view_forward, box));
+    let sides = min(min(farthest_along(params.view.side_left, box), farthest_along(params.view.side_right, box)),
+                    min(farthest_along(params.view.side_top, box), farthest_along(params.view.side_bottom, box)));
+    return min(sides, farthest_along(params.view.forward, box));
 }
 
 fn is_visible(box: Box) -> bool {
@@ -65,15 +66,15 @@ fn allowed_px() -> f32 {
 
 /// Pixels between a point and the one `rise_m` above it. What is behind the eye counts as if it were in front.
 fn error_px(point: vec3<f32>, rise_m: f32) -> f32 {
-    let p = vec3(dot(params.view_right, point), dot(params.view_up, point), dot(params.view_forward, point));
-    let up = vec3(params.view_right.z, params.view_up.z, params.view_forward.z);
+    let p = vec3(dot(params.view.right, point), dot(params.view.up, point), dot(params.view.forward, point));
+    let up = vec3(params.view.right.z, params.view.up.z, params.view.forward.z);
     let moved = length(p.xy * up.z - up.xy * p.z) * rise_m;
-    return params.focal_px * moved / abs(p.z * (p.z + rise_m * up.z));
+    return params.view.focal_px * moved / abs(p.z * (p.z + rise_m * up.z));
 }
 
 fn point_at(sample: vec2<u32>) -> vec3<f32> {
     let ground = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(sample)));
-    return vec3(ground, relative_height(params.terrain, height[sample.y * params.terrain.size.x + sample.x]));
+    return vec3(ground, relative_height(params.terrain, ground_height(sample)));
 }
 
 /// A block's five points: its centre and the middles of its edges.
@@ -104,11 +105,11 @@ fn is_rough(level: u32, at: vec2<u32>, box: Box, rise_m: f32) -> bool {
 /// Whether a point of the block that is in the picture can be off by the threshold: no such point is nearer, along the view
 /// direction, than the nearest corner of the box, nor than the box is from the eye, seen along the longest ray.
 fn may_break(box: Box, rise_m: f32) -> bool {
-    let near = min(params.view_forward * box.low, params.view_forward * box.high);
+    let near = min(params.view.forward * box.low, params.view.forward * box.high);
     let beside = max(max(box.low, -box.high), vec3(0.0));
-    let depth = max(near.x + near.y + near.z, length(beside) / params.ray_most) * (1.0 - 1.0e-5);
-    let room = depth - rise_m * abs(params.view_forward.z);
-    return room <= 0.0 || params.focal_px * params.tilt_most * rise_m >= allowed_px() * room;
+    let depth = max(near.x + near.y + near.z, length(beside) / params.view.ray_most) * (1.0 - 1.0e-5);
+    let room = depth - rise_m * abs(params.view.forward.z);
+    return room <= 0.0 || params.view.focal_px * params.view.tilt_most * rise_m >= allowed_px() * room;
 }
 
 /// What becomes of a vertex.

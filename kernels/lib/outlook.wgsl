@@ -1,5 +1,6 @@
-// How long what becomes of a block (lib/decision.wgsl) holds while the camera moves. A kernel that includes this has `travelled_m` and
-// `turned` in its parameters.
+//!include lib/motion.wgsl
+// How long what becomes of a block (lib/decision.wgsl) holds while the camera moves. A kernel that includes this has
+// `motion: Motion` in its parameters.
 
 /// What becomes of a block, and for how long. Motion is the angle that the camera turns plus the angle under which its way is seen
 /// from the nearest of the block: by no more than that does the direction to any point of the block change.
@@ -16,13 +17,13 @@ const CERTAIN: f32 = 1.0e-3;
 
 /// The largest and the smallest error that a point can get by some motion: its direction, the way up and its distance all change.
 fn errors_by(motion: f32, point: vec3<f32>, rise_m: f32) -> vec2<f32> {
-    let p = vec3(dot(params.view_right, point), dot(params.view_up, point), dot(params.view_forward, point));
-    let up = vec3(params.view_right.z, params.view_up.z, params.view_forward.z);
+    let p = vec3(dot(params.view.right, point), dot(params.view.up, point), dot(params.view.forward, point));
+    let up = vec3(params.view.right.z, params.view.up.z, params.view.forward.z);
     let q = p + rise_m * up;
     let far = length(q);
     let aside = length(p.xy * up.z - up.xy * p.z) / length(p);
     let ahead = vec2(abs(p.z) / length(p), abs(q.z) / far);
-    let scale = params.focal_px * rise_m / far;
+    let scale = params.view.focal_px * rise_m / far;
     let least = ahead - motion;
     let most_px = scale * (aside + 3.0 * motion) / (least.x * least.y * (1.0 - motion));
     let most = ahead + motion;
@@ -60,13 +61,13 @@ fn keeps_rough(motion: f32, points: array<vec3<f32>, 5>, rise_m: f32, splits: bo
 
 /// Whether `may_break` says the same after some motion; nothing of the block is farther than `farthest`.
 fn keeps_bound(motion: f32, box: Box, rise_m: f32, farthest: f32, splits: bool) -> bool {
-    let near = min(params.view_forward * box.low, params.view_forward * box.high);
+    let near = min(params.view.forward * box.low, params.view.forward * box.high);
     let beside = max(max(box.low, -box.high), vec3(0.0));
-    let room = max(near.x + near.y + near.z, length(beside) / params.ray_most) - rise_m * abs(params.view_forward.z);
+    let room = max(near.x + near.y + near.z, length(beside) / params.view.ray_most) - rise_m * abs(params.view.forward.z);
     let moves = (farthest + rise_m) * (motion + CERTAIN * 0.1);
-    let tilts = (params.ray_most + 1.0) * motion;
-    let most = params.focal_px * (params.tilt_most + tilts) * rise_m;
-    let least = params.focal_px * max(params.tilt_most - tilts, 0.0) * rise_m;
+    let tilts = (params.view.ray_most + 1.0) * motion;
+    let most = params.view.focal_px * (params.view.tilt_most + tilts) * rise_m;
+    let least = params.view.focal_px * max(params.view.tilt_most - tilts, 0.0) * rise_m;
     let stays_leaf = room > moves && most < allowed_px() * (room - moves) * (1.0 - CERTAIN);
     let stays_split = room + moves < 0.0 || least > allowed_px() * (room + moves) * (1.0 + CERTAIN);
     return select(stays_leaf, stays_split, splits);
@@ -89,7 +90,7 @@ fn outlook_on(level: u32, at: vec2<u32>) -> Outlook {
     let splits = outlook.fate == SPLIT;
     var kept = 0.0;
     if PROVEN {
-        let strain = params.focal_px * params.tilt_most * rise_m / max(allowed_px(), 1.0e-6);
+        let strain = params.view.focal_px * params.view.tilt_most * rise_m / max(allowed_px(), 1.0e-6);
         let motion = motion_for(strain, outlook.distance_m) * outlook.distance_m / farthest;
         kept = select(0.0, motion, keeps_bound(motion, box, rise_m, farthest, splits));
     } else {
@@ -111,7 +112,7 @@ fn outlook_on(level: u32, at: vec2<u32>) -> Outlook {
 /// Whether what was found about a node still holds.
 fn is_settled(known: vec4<f32>) -> bool {
     // what rounding leaves of a long way
-    let way_m = abs(params.travelled_m - known.z) + 1.0e-6 * params.travelled_m;
-    let turn = abs(params.turned - known.w) + 1.0e-6 * (1.0 + params.turned);
+    let way_m = abs(params.motion.travelled_m - known.z) + 1.0e-6 * params.motion.travelled_m;
+    let turn = abs(params.motion.turned - known.w) + 1.0e-6 * (1.0 + params.motion.turned);
     return way_m < 0.25 * known.x && turn + 1.05 * way_m / known.x < known.y;
 }

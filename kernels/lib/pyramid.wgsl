@@ -2,10 +2,20 @@
 // (Each level starts a row later than it must, so that levels of a single row do not meet.)
 // Level k of a base of (w, h) has ceil(w / 2^k) x ceil(h / 2^k) nodes.
 
-/// Index of node `at` of `level`. `stride` is the width of level 1, `tall_pow2` the power of two not below the
-/// height of the base.
-fn pyramid_index(stride: u32, tall_pow2: u32, level: u32, at: vec2<u32>) -> u32 {
-    return (tall_pow2 - (tall_pow2 >> (level - 1u)) + level - 1u + at.y) * stride + at.x;
+/// Where the levels of a pyramid are.
+struct Pyramid {
+    /// Width of level 1.
+    @align(16) stride: u32,
+    /// The power of two not below the height of the base.
+    tall_pow2: u32,
+    /// The coarsest level, the first with a single node.
+    top: u32,
+}
+
+/// Index of node `at` of `level`.
+fn pyramid_index(pyramid: Pyramid, level: u32, at: vec2<u32>) -> u32 {
+    let tall_pow2 = pyramid.tall_pow2;
+    return (tall_pow2 - (tall_pow2 >> (level - 1u)) + level - 1u + at.y) * pyramid.stride + at.x;
 }
 
 fn level_size(base: vec2<u32>, level: u32) -> vec2<u32> {

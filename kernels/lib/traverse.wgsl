@@ -1,11 +1,9 @@
+//!include ground as image
 // First hit of a ray with the full-resolution surface, by traversal of the maximum pyramid (Tevs, Ihrke, Seidel 2008) and a
 // sign test at cell borders that leaves no gap between cells.
 //
-// A kernel that includes this binds `height`, `height_max`, `height_min` and `nearest`, and has `terrain`, `stride`, `tall_pow2`
-// and `top` in its parameters. A ray's parameter t is its distance along the view direction.
+// A kernel that includes this has `terrain: Terrain` in its parameters. A ray's parameter t is its distance along the view direction.
 
-/// The surface in a cell is one bilinear patch instead of two triangles.
-override BILINEAR: bool = false;
 /// A ray may be under the surface (the eye is under it or outside the terrain): the minimum pyramid is needed.
 override UNDERSIDE: bool = false;
 
@@ -37,47 +35,30 @@ fn in_cell(ray: Ray, t: f32, cell: vec2<i32>) -> vec2<f32> {
     return clamp(ray.direction.xy * t - corner, vec2(0.0), vec2(1.0));
 }
 
-/// Heights of a cell's corners: north-west, north-east, south-west, south-east.
-fn corners(cell: vec2<i32>) -> vec4<f32> {
-    // one gather at the point between the four
-    let middle = vec2<f32>(cell + 1) / vec2<f32>(params.terrain.size);
-    return textureGather(0, height, nearest, middle).wzxy;
-}
-
-/// The surface in a cell, both halves of it.
-fn surface_m(h: vec4<f32>, p: vec2<f32>) -> f32 {
-    if BILINEAR {
-        return mix(mix(h.x, h.y, p.x), mix(h.z, h.w, p.x), p.y);
-    }
-    let north_west = h.x + (h.y - h.x) * p.x + (h.z - h.x) * p.y;
-    let south_east = h.w + (h.z - h.w) * (1.0 - p.x) + (h.y - h.w) * (1.0 - p.y);
-    return select(south_east, north_west, p.x + p.y <= 1.0);
-}
-
 /// First t in [t0, t1] at which the sign of ray minus surface changes inside the cell, or FAR.
 /// `f0` is the value at t0; `side` is +1 above the surface and -1 under it.
 fn hit_in_cell(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
-    let h = corners(cell);
+    let h = ground_corners(cell);
     let p0 = in_cell(ray, t0, cell);
     let p1 = in_cell(ray, t1, cell);
-    let f0 = side * above(ray, t0, surface_m(h, p0));
-    let f1 = side * above(ray, t1, surface_m(h, p1));
+    let f0 = side * above(ray, t0, ground_surface(h, p0));
+    let f1 = side * above(ray, t1, ground_surface(h, p1));
     if f0 <= 0.0 {
         return t0;
     }
     if BILINEAR {
         return hit_in_patch(ray, h, p0, p1, t0, t1, f0, f1, side);
     }
-    // the diagonal u + v = 1 cuts the way through the cell in two straight pieces
-    let s0 = p0.x + p0.y - 1.0;
-    let s1 = p1.x + p1.y - 1.0;
+    // the diagonal cuts the way through the cell in two straight pieces
+    let s0 = ground_past_diagonal(p0);
+    let s1 = ground_past_diagonal(p1);
     var tm = t1;
     var fm = f1;
     if s0 * s1 < 0.0 {
         let share = s0 / (s0 - s1);
         tm = t0 + (t1 - t0) * share;
         let pm = clamp(p0 + (p1 - p0) * share, vec2(0.0), vec2(1.0));
-        fm = side * above(ray, tm, mix(h.z, h.y, pm.x));
+        fm = side * above(ray, tm, ground_on_diagonal(h, pm));
     }
     if fm <= 0.0 {
         return t0 + (tm - t0) * (f0 / (f0 - fm));
@@ -94,7 +75,7 @@ fn hit_in_patch(
 ) -> f32 {
     let d = p1 - p0;
     // f(s) = a s^2 + b s + f0
-    let a = -side * (h.x - h.y - h.z + h.w) * d.x * d.y;
+    let a = -side * ground_twist(h) * d.x * d.y;
     let b = f1 - f0 - a;
     let discriminant = b * b - 4.0 * a * f0;
     if discriminant < 0.0 {
@@ -118,13 +99,13 @@ fn hit_in_patch(
 }
 
 fn bound(level: u32, node: vec2<i32>, side: f32) -> f32 {
-    let index = pyramid_index(params.stride, params.tall_pow2, level, vec2<u32>(node));
+    let index = ground_node(level, vec2<u32>(node));
     if UNDERSIDE {
         if side < 0.0 {
-            return height_min[index];
+            return ground_lowest(index);
         }
     }
-    return height_max[index];
+    return ground_highest(index);
 }
 
 fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
@@ -163,10 +144,10 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
     var t = t_in;
     var side = 1.0;
     if UNDERSIDE {
-        let f = above(ray, t, surface_m(corners(cell), in_cell(ray, t, cell)));
+        let f = above(ray, t, ground_surface(ground_corners(cell), in_cell(ray, t, cell)));
         side = select(-1.0, 1.0, f >= 0.0);
     }
-    var level = min(START_LEVEL, params.top);
+    var level = min(START_LEVEL, GROUND_CELLS_TOP);
     loop {
         let node = cell >> vec2(level);
         let far_line = min((node + select(vec2(0), vec2(1), ray.forward)) << vec2(level), last);
@@ -204,7 +185,7 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
         t = t_exit;
         // up if the line that was crossed bounds the parent, too
         let line = select(far_line.y, far_line.x, tx <= ty) >> level;
-        level += select(0u, 1u, (line & 1) == 0 && level < params.top);
+        level += select(0u, 1u, (line & 1) == 0 && level < GROUND_CELLS_TOP);
     }
     return FAR;
 }

@@ -1,19 +1,17 @@
+//!include ground
 // How steep the ground is at each height sample, and which way it falls. Beyond the border the ground goes on as it is there.
 // Differences after Horn 1981, Hill shading and the reflectance map.
 
 struct Params {
-    /// Columns and rows of samples.
-    size: vec2<u32>,
     /// Metres between columns and between rows.
     cell_m: vec2<f32>,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> height: array<f32>;
 /// Degrees from level.
-@group(0) @binding(2) var<storage, read_write> slope: array<f32>;
+@group(0) @binding(1) var<storage, read_write> slope: array<f32>;
 /// Degrees clockwise from north; -1 where the ground is level.
-@group(0) @binding(3) var<storage, read_write> aspect: array<f32>;
+@group(0) @binding(2) var<storage, read_write> aspect: array<f32>;
 
 /// Differences of the rows and columns beside count half as much as those through the sample; without, not at all.
 override HORN: bool = true;
@@ -21,8 +19,8 @@ override WRITE_SLOPE: bool = true;
 override WRITE_ASPECT: bool = true;
 
 fn at(sample: vec2<i32>) -> f32 {
-    let inside = vec2<u32>(clamp(sample, vec2(0), vec2<i32>(params.size) - 1));
-    return height[inside.y * params.size.x + inside.x];
+    let inside = vec2<u32>(clamp(sample, vec2(0), vec2<i32>(ground_size()) - 1));
+    return ground_height(inside);
 }
 
 /// From one side of a sample to the other, `along` being a step there.
@@ -45,7 +43,7 @@ fn falls_to(down: vec2<f32>) -> f32 {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+    if any(id.xy >= ground_size()) {
         return;
     }
     let sample = vec2<i32>(id.xy);
@@ -58,7 +56,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         rise = 0.5 * rise + 0.125 * beside;
     }
     let gradient = rise / params.cell_m;
-    let index = id.y * params.size.x + id.x;
+    let index = id.y * GROUND_COLUMNS + id.x;
     if WRITE_SLOPE {
         slope[index] = degrees(atan(length(gradient)));
     }

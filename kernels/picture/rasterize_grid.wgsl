@@ -1,5 +1,6 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
+//!include lib/view.wgsl
 //!include lib/footprint.wgsl
 // A grid mesh to the pixels it covers. Each fragment intersects its pixel's ray with the plane of its triangle, which comes with the
 // strip's first vertex and is not interpolated, so distances do not depend on how a GPU interpolates.
@@ -7,17 +8,10 @@
 struct Params {
     camera: Camera,
     terrain: Terrain,
+    view: View,
     /// Columns and rows of vertices.
     grid: vec2<u32>,
-    /// World axes of the view, as rows: right, up, forward.
-    view_right: vec3<f32>,
-    view_up: vec3<f32>,
-    view_forward: vec3<f32>,
-    /// Tangents of half the field of view.
-    half_tan: vec2<f32>,
     near_m: f32,
-    /// Pixels from the middle of the picture to where a ray leaves it at 45 degrees.
-    focal_px: f32,
     /// The error that the mesh is allowed.
     threshold_px: f32,
     /// How far the rasterizer may see a corner from where it is.
@@ -88,18 +82,18 @@ fn draw(@builtin(vertex_index) index: u32) -> Drawn {
     let second = vertex_at(strip_place(row, min(k + 1u, last)));
     let third = vertex_at(strip_place(row, min(k + 2u, last)));
     let world = here.xyz;
-    let view = vec3(dot(params.view_right, world), dot(params.view_up, world), dot(params.view_forward, world));
+    let view = vec3(dot(params.view.right, world), dot(params.view.up, world), dot(params.view.forward, world));
     // nw, sw, ne and sw, ne, se turn opposite ways
     let turn = select(-1.0, 1.0, (k & 1u) == 0u);
     let normal = turn * cross(second.xyz - world, third.xyz - world);
 
     var drawn: Drawn;
     // reversed depth without a far plane: near / forward distance
-    drawn.position = vec4(view.xy / params.half_tan, params.near_m, view.z);
+    drawn.position = vec4(view.xy / params.view.half_tan, params.near_m, view.z);
     drawn.cells = cells_from_world(params.terrain, world.xy);
     drawn.error = here.w;
     drawn.plane = vec4(normal, dot(normal, world));
-    let depth = vec3(view.z, dot(params.view_forward, second.xyz), dot(params.view_forward, third.xyz));
+    let depth = vec3(view.z, dot(params.view.forward, second.xyz), dot(params.view.forward, third.xyz));
     drawn.depth = vec2(max(min(depth.x, min(depth.y, depth.z)), 0.0), max(depth.x, max(depth.y, depth.z)));
     drawn.middle = vec4(0.0);
     drawn.bound = vec4(0.0);
@@ -172,12 +166,12 @@ fn proven(ray: vec3<f32>, raised: f32, drawn: Drawn) -> vec2<f32> {
     let t = max(drawn.middle.w / lower, raised);
     let beside = 2.0 * params.snap_px * sqrt(dot(a.xy, a.xy) + dot(b.xy, b.xy));
     let bound_m = drawn.bound.x;
-    let depth = t - bound_m * abs(params.view_forward.z);
+    let depth = t - bound_m * abs(params.view.forward.z);
     let holds = beside <= drawn.bound.y && t <= raised * (1.0 + drawn.bound.w) && depth > 0.0;
     if !holds || is_outside(cells_from_world(params.terrain, ray.xy * t)) {
         return vec2(start, LARGEST_ERROR);
     }
-    let off_px = params.focal_px * bound_m * length(ray * params.view_forward.z - vec3(0.0, 0.0, 1.0)) / depth;
+    let off_px = params.view.focal_px * bound_m * length(ray * params.view.forward.z - vec3(0.0, 0.0, 1.0)) / depth;
     // what rounding adds to a pixel's place
     let most_px = off_px * 1.0001 + 0.01;
     let is_over = most_px > params.threshold_px;

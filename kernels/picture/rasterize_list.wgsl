@@ -1,45 +1,27 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
-//!include lib/traverse.wgsl
+//!include lib/view.wgsl
+//!include ground
+//!include lib/beside.wgsl
 // A list of triangles between samples to the pixels it covers. Each fragment intersects its pixel's ray with the plane of its triangle,
 // whose corners come with the first vertex and are not interpolated, so distances do not depend on how a GPU interpolates.
 
 struct Params {
     camera: Camera,
     terrain: Terrain,
-    /// World axes of the view, as rows: right, up, forward.
-    view_right: vec3<f32>,
-    view_up: vec3<f32>,
-    view_forward: vec3<f32>,
-    /// Tangents of half the field of view.
-    half_tan: vec2<f32>,
+    view: View,
     near_m: f32,
-    /// Layout of the maximum and minimum pyramids, and their coarsest level.
-    stride: u32,
-    tall_pow2: u32,
-    top: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
 /// Three samples, column and row in 16 bits each, counterclockwise from above.
 @group(0) @binding(1) var<storage, read> triangle: array<vec4<u32>>;
-@group(0) @binding(2) var<storage, read> samples: array<f32>;
-@group(0) @binding(3) var drawn: texture_2d<u32>;
-@group(0) @binding(4) var<storage, read_write> distance: array<f32>;
-@group(0) @binding(5) var height: texture_2d<f32>;
-@group(0) @binding(6) var<storage, read> height_max: array<f32>;
-@group(0) @binding(7) var<storage, read> height_min: array<f32>;
-@group(0) @binding(8) var nearest: sampler;
-
-/// The mesh has a proven bound.
-override PROVEN: bool = false;
 
 /// A sample relative to the eye.
 fn sample_at(key: u32) -> vec3<f32> {
     let sample = vec2(key & 0xffffu, key >> 16u);
     let ground = world_from_cells(params.terrain, relative_cells(params.terrain, vec2<i32>(sample)));
-    return vec3(ground, relative_height(params.terrain, samples[sample.y * params.terrain.size.x + sample.x]));
+    return vec3(ground, relative_height(params.terrain, ground_height(sample)));
 }
 
 /// A triangle of a list: a corner, and the other two from there.
@@ -55,9 +37,9 @@ fn draw(@builtin(vertex_index) index: u32) -> Listed {
     let keys = triangle[index / 3u];
     // the same computation for each corner, so that triangles that share one have the same bits there
     let world = sample_at(keys[index % 3u]);
-    let view = vec3(dot(params.view_right, world), dot(params.view_up, world), dot(params.view_forward, world));
+    let view = vec3(dot(params.view.right, world), dot(params.view.up, world), dot(params.view.forward, world));
     let a = sample_at(keys.x);
-    return Listed(vec4(view.xy / params.half_tan, params.near_m, view.z), a, sample_at(keys.y) - a, sample_at(keys.z) - a);
+    return Listed(vec4(view.xy / params.view.half_tan, params.near_m, view.z), a, sample_at(keys.y) - a, sample_at(keys.z) - a);
 }
 
 /// Where a pixel's ray meets a triangle that was drawn there.
@@ -74,8 +56,8 @@ fn meet(ray: vec3<f32>, drawn: Listed) -> Met {
     // which side of the planes through the eye and an edge the ray is on: weights of the corners a, b, c
     let weights = sign(volume) * vec3(dot(ray, cross(drawn.a + drawn.to_b, drawn.to_c - drawn.to_b)),
                                       -dot(ray, cross(drawn.a, drawn.to_c)), dot(ray, cross(drawn.a, drawn.to_b)));
-    let a = dot(params.view_forward, drawn.a);
-    let depths = vec3(a, a + dot(params.view_forward, drawn.to_b), a + dot(params.view_forward, drawn.to_c));
+    let a = dot(params.view.forward, drawn.a);
+    let depths = vec3(a, a + dot(params.view.forward, drawn.to_b), a + dot(params.view.forward, drawn.to_c));
     let nearest = max(min(depths.x, min(depths.y, depths.z)), 0.0);
     let inside = max(weights, vec3(0.0));
     let sum = inside.x + inside.y + inside.z;
@@ -84,9 +66,6 @@ fn meet(ray: vec3<f32>, drawn: Listed) -> Met {
     let t = select(volume / dot(normal, ray), rim, beside);
     return Met(clamp(t, nearest, max(depths.x, max(depths.y, depths.z))), beside);
 }
-
-/// The sign of a distance: its ray passes beside the triangle.
-const BESIDE: u32 = 0x80000000u;
 
 struct Fragment {
     @location(0) distance: u32,
@@ -101,26 +80,4 @@ fn keep(drawn: Listed) -> Fragment {
     let met = meet(ray, drawn);
     let beside = select(0u, BESIDE, met.beside);
     return Fragment(bitcast<u32>(met.t * length(ray)) | beside, min(params.near_m / met.t, 1.0));
-}
-
-/// What is beside a triangle is not in its bound (on a cliff, a 256th of a pixel aside is another place): there, a mesh with a bound
-/// shows the surface itself.
-@compute @workgroup_size(8, 8)
-fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.camera.viewport) {
-        return;
-    }
-    let bits = textureLoad(drawn, id.xy, 0).x;
-    var seen = select(bitcast<f32>(bits & ~BESIDE), NO_SURFACE, bits == 0u);
-    if PROVEN {
-        // a loop and no condition: software adapters go through both sides of those
-        var casts = (bits & BESIDE) != 0u;
-        while casts {
-            let ray = view_ray_of_pixel(params.camera, id.xy);
-            let t = first_hit(ray, 0.0);
-            seen = select(t * length(ray), NO_SURFACE, t >= FAR);
-            casts = false;
-        }
-    }
-    distance[id.y * params.camera.viewport.x + id.x] = seen;
 }

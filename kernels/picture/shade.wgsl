@@ -1,23 +1,29 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
-// Distances to a picture: hypsometric tint, sun on the normal of the full-resolution terrain, sky.
+//!include lib/relief.wgsl
+//!include ground
+// Distances to a picture: hypsometric tint or a map of colours, sun on the normal of the full-resolution terrain, sky.
 
 struct Params {
     camera: Camera,
     terrain: Terrain,
+    relief: Relief,
     /// Unit vector to the sun.
     sun: vec3<f32>,
     ambient: f32,
-    /// Lowest height above the eye and height range of the terrain, metres.
-    low_m: f32,
-    range_m: f32,
+    /// Columns and rows of the map of colours.
+    map_size: vec2<u32>,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> height: array<f32>;
-@group(0) @binding(2) var<storage, read> distance: array<f32>;
-@group(0) @binding(3) var<storage, read_write> colour: array<u32>;
+@group(0) @binding(1) var<storage, read> distance: array<f32>;
+@group(0) @binding(2) var<storage, read_write> colour: array<u32>;
 
+/// Colours of the ground, red in the lowest byte; the first and last columns and rows are on the terrain's border.
+@group(0) @binding(3) var<storage, read> colour_map: array<u32>;
+
+/// The ground has a colour of its own.
+override MAP: bool = false;
 override TINT: bool = true;
 override SUN: bool = true;
 
@@ -33,7 +39,7 @@ fn tint(share: f32) -> vec3<f32> {
 
 fn height_of(at: vec2<i32>) -> f32 {
     let inside = clamp(at, vec2(0), vec2<i32>(params.terrain.size) - 1);
-    return height[u32(inside.y) * params.terrain.size.x + u32(inside.x)];
+    return ground_height(vec2<u32>(inside));
 }
 
 /// Central differences at a sample, metres a cell.
@@ -56,6 +62,24 @@ fn normal(position_m: vec2<f32>) -> vec3<f32> {
     return normalize(vec3(-slope.x, slope.y, 1.0));
 }
 
+fn map_texel(at: vec2<u32>) -> vec3<f32> {
+    return unpack4x8unorm(colour_map[at.y * params.map_size.x + at.x]).xyz;
+}
+
+/// Colour of the ground, blended bilinearly.
+fn map_colour(position_m: vec2<f32>) -> vec3<f32> {
+    let place = cells_from_world(params.terrain, position_m) + params.terrain.eye_fraction;
+    let last = vec2<f32>(params.map_size - 1u);
+    let scale = last / vec2<f32>(params.terrain.size - 1u);
+    let at = clamp((vec2<f32>(params.terrain.eye_cell) + place) * scale, vec2(0.0), last);
+    let low = vec2<u32>(at);
+    let high = min(low + 1u, params.map_size - 1u);
+    let w = at - vec2<f32>(low);
+    let north = mix(map_texel(low), map_texel(vec2(high.x, low.y)), w.x);
+    let south = mix(map_texel(vec2(low.x, high.y)), map_texel(high), w.x);
+    return mix(north, south, w.y);
+}
+
 fn sky(ray: vec3<f32>) -> vec3<f32> {
     return mix(vec3(0.80, 0.87, 0.93), vec3(0.33, 0.55, 0.83), clamp(ray.z * 2.0, 0.0, 1.0));
 }
@@ -73,7 +97,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let position_m = ray * along;
         shade = vec3(0.75);
         if TINT {
-            shade = tint((position_m.z - params.low_m) / params.range_m);
+            shade = tint((position_m.z - params.relief.low_m) / params.relief.range_m);
+        }
+        if MAP {
+            shade = map_colour(position_m.xy);
         }
         if SUN {
             let light = max(dot(normal(position_m.xy), params.sun), 0.0);

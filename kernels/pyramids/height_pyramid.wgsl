@@ -1,4 +1,4 @@
-//!include lib/pyramid.wgsl
+//!include ground as image
 // Mean, minimum and maximum pyramids, three levels a dispatch, in one pass over the data.
 //
 // Minimum and maximum are over the *surface* of 2^k x 2^k cells, samples on the shared borders included;
@@ -6,24 +6,16 @@
 // samples a node really has.
 
 struct Params {
-    /// Columns and rows of samples.
-    size: vec2<u32>,
     /// First level this dispatch writes: 1, 4, 7, ...
     level: u32,
     /// Levels to write, 1 to 3.
     levels: u32,
-    bounds_stride: u32,
-    bounds_tall_pow2: u32,
-    mean_stride: u32,
-    mean_tall_pow2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var height: texture_2d<f32>;
-@group(0) @binding(2) var<storage, read_write> height_max: array<f32>;
-@group(0) @binding(3) var<storage, read_write> height_min: array<f32>;
-@group(0) @binding(4) var<storage, read_write> height_mean: array<f32>;
-@group(0) @binding(5) var nearest: sampler;
+@group(0) @binding(1) var<storage, read_write> height_max: array<f32>;
+@group(0) @binding(2) var<storage, read_write> height_min: array<f32>;
+@group(0) @binding(3) var<storage, read_write> height_mean: array<f32>;
 
 override WRITE_MAX: bool = true;
 override WRITE_MIN: bool = true;
@@ -50,19 +42,12 @@ struct Pair {
     both: Row,
 }
 
-/// The four samples from (x, y) on: upper left, upper right, lower left, lower right. Beyond the border the
-/// last ones repeat, which bound the same cells.
-fn four_samples(x: u32, y: u32) -> vec4<f32> {
-    let middle = vec2<f32>(vec2(x, y) + 1u) / vec2<f32>(params.size);
-    return textureGather(0, height, nearest, middle).wzxy;
-}
-
 fn sample_rows(x: u32, y: u32) -> Pair {
-    let a = four_samples(x, y);
-    let b = four_samples(x + 2u, y);
-    let c = four_samples(x + 4u, y);
-    let d = four_samples(x + 6u, y);
-    let e = four_samples(x + 8u, y);
+    let a = ground_four(vec2<i32>(vec2(x, y)));
+    let b = ground_four(vec2<i32>(vec2(x + 2u, y)));
+    let c = ground_four(vec2<i32>(vec2(x + 4u, y)));
+    let d = ground_four(vec2<i32>(vec2(x + 6u, y)));
+    let e = ground_four(vec2<i32>(vec2(x + 8u, y)));
     let upper = widen(vec4(a.x, b.x, c.x, d.x), vec4(a.y, b.y, c.y, d.y), vec4(b.x, c.x, d.x, e.x));
     let lower = widen(vec4(a.z, b.z, c.z, d.z), vec4(a.w, b.w, c.w, d.w), vec4(b.z, c.z, d.z, e.z));
     return Pair(upper, merge_rows(upper, lower));
@@ -76,8 +61,8 @@ fn widen(left: vec4<f32>, middle: vec4<f32>, right: vec4<f32>) -> Row {
 /// Nodes `first .. first + 8` of a row of the level below, in pairs. Nodes beyond the border repeat the last.
 fn node_row(first: u32, row: u32) -> Row {
     let below = params.level - 1u;
-    let last = level_size(params.size - 1u, below) - 1u;
-    let start = pyramid_index(params.bounds_stride, params.bounds_tall_pow2, below, vec2(0u, min(row, last.y)));
+    let last = level_size(ground_size() - 1u, below) - 1u;
+    let start = pyramid_index(ground_cells(), below, vec2(0u, min(row, last.y)));
     let end = start + last.x;
     let i = start + first;
     var out = Row(vec4(LOWEST), vec4(HIGHEST));
@@ -101,8 +86,8 @@ fn merge_rows(a: Row, b: Row) -> Row {
 }
 
 fn write_bounds(level: u32, at: vec2<u32>, bounds: vec2<f32>) {
-    if all(at < level_size(params.size - 1u, level)) {
-        let index = pyramid_index(params.bounds_stride, params.bounds_tall_pow2, level, at);
+    if all(at < level_size(ground_size() - 1u, level)) {
+        let index = pyramid_index(ground_cells(), level, at);
         if WRITE_MAX {
             height_max[index] = bounds.x;
         }
@@ -115,22 +100,22 @@ fn write_bounds(level: u32, at: vec2<u32>, bounds: vec2<f32>) {
 /// Sum of the means of the children times their samples, and the samples.
 fn mean_below(at: vec2<u32>) -> vec2<f32> {
     let below = params.level - 1u;
-    if any(at >= level_size(params.size, below)) {
+    if any(at >= level_size(ground_size(), below)) {
         return vec2(0.0, 0.0);
     }
     let first = at << vec2(below);
-    let samples = vec2<f32>(min(params.size - first, vec2(1u << below)));
+    let samples = vec2<f32>(min(ground_size() - first, vec2(1u << below)));
     let count = samples.x * samples.y;
     if below == 0u {
-        return vec2(textureLoad(height, at, 0).x, 1.0);
+        return vec2(ground_height(at), 1.0);
     }
-    let index = pyramid_index(params.mean_stride, params.mean_tall_pow2, below, at);
+    let index = pyramid_index(ground_means(), below, at);
     return vec2(height_mean[index] * count, count);
 }
 
 fn write_mean(level: u32, at: vec2<u32>, sum: vec2<f32>) {
-    if all(at < level_size(params.size, level)) {
-        height_mean[pyramid_index(params.mean_stride, params.mean_tall_pow2, level, at)] = sum.x / sum.y;
+    if all(at < level_size(ground_size(), level)) {
+        height_mean[pyramid_index(ground_means(), level, at)] = sum.x / sum.y;
     }
 }
 
@@ -212,11 +197,11 @@ fn build_mean(node: vec2<u32>) {
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let node = id.xy;
     // written or not, a node outside costs nothing more than the comparison
-    if any((node << vec2(3u)) >= level_size(params.size, params.level - 1u)) {
+    if any((node << vec2(3u)) >= level_size(ground_size(), params.level - 1u)) {
         return;
     }
     // the last column or row of samples can start a node of the means where there are no cells any more
-    let has_cells = all((node << vec2(3u)) < level_size(params.size - 1u, params.level - 1u));
+    let has_cells = all((node << vec2(3u)) < level_size(ground_size() - 1u, params.level - 1u));
     if (WRITE_MAX || WRITE_MIN) && has_cells {
         if FROM_SAMPLES {
             build_from_samples(node);

@@ -1,32 +1,23 @@
-//!include lib/pyramid.wgsl
+//!include ground
 // For each node of a pyramid over cells: a plane and the largest distance between it and the surface. Levels up to
 // EXACT_LEVELS are fitted to the samples themselves, the ones above to the planes below them.
 
 struct Params {
-    /// Columns and rows of samples.
-    size: vec2<u32>,
     level: u32,
-    stride: u32,
-    tall_pow2: u32,
     /// Largest height without its sign, for what rounding may add.
     largest_m: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> height: array<f32>;
 /// Height in the node's middle and largest distance of the surface from the plane, metres.
-@group(0) @binding(2) var<storage, read_write> height_plane: array<vec2<f32>>;
+@group(0) @binding(1) var<storage, read_write> height_plane: array<vec2<f32>>;
 /// Slope to the east and to the south in metres a cell, as two halves.
-@group(0) @binding(3) var<storage, read_write> plane_slope: array<u32>;
-
-fn sample(at: vec2<u32>) -> f32 {
-    return height[at.y * params.size.x + at.x];
-}
+@group(0) @binding(2) var<storage, read_write> plane_slope: array<u32>;
 
 /// Least squares over the samples of a node. The surface between samples is nowhere farther from a plane than at them.
 @compute @workgroup_size(8, 8)
 fn from_samples(@builtin(global_invocation_id) id: vec3<u32>) {
-    let cells = params.size - 1u;
+    let cells = ground_size() - 1u;
     if any(id.xy >= level_size(cells, params.level)) {
         return;
     }
@@ -34,7 +25,7 @@ fn from_samples(@builtin(global_invocation_id) id: vec3<u32>) {
     let high = min(low + (1u << params.level), cells);
     let middle = vec2<f32>(low) + 0.5 * f32(1u << params.level);
     let mean = 0.5 * vec2<f32>(low + high);
-    let first = sample(low);
+    let first = ground_height(low);
     // heights as differences from one of them: they keep their digits far above sea level
     var sum = 0.0;
     var products = vec2(0.0);
@@ -43,7 +34,7 @@ fn from_samples(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var y = low.y; y <= high.y; y++) {
         for (var x = low.x; x <= high.x; x++) {
             let offset = vec2(f32(x), f32(y)) - mean;
-            let h = sample(vec2(x, y)) - first;
+            let h = ground_height(vec2(x, y)) - first;
             sum += h;
             products += h * offset;
             squares += offset * offset;
@@ -56,7 +47,7 @@ fn from_samples(@builtin(global_invocation_id) id: vec3<u32>) {
     var highest = -3.0e38;
     for (var y = low.y; y <= high.y; y++) {
         for (var x = low.x; x <= high.x; x++) {
-            let off = sample(vec2(x, y)) - first - mean_m - dot(slope, vec2(f32(x), f32(y)) - mean);
+            let off = ground_height(vec2(x, y)) - first - mean_m - dot(slope, vec2(f32(x), f32(y)) - mean);
             lowest = min(lowest, off);
             highest = max(highest, off);
         }
@@ -66,7 +57,7 @@ fn from_samples(@builtin(global_invocation_id) id: vec3<u32>) {
 
 @compute @workgroup_size(8, 8)
 fn from_planes(@builtin(global_invocation_id) id: vec3<u32>) {
-    let cells = params.size - 1u;
+    let cells = ground_size() - 1u;
     if any(id.xy >= level_size(cells, params.level)) {
         return;
     }
@@ -103,7 +94,7 @@ fn from_planes(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// Height in the middle, slopes, largest distance.
 fn plane_of(node: vec2<u32>) -> vec4<f32> {
-    let index = pyramid_index(params.stride, params.tall_pow2, params.level - 1u, node);
+    let index = ground_node(params.level - 1u, node);
     let plane = height_plane[index];
     return vec4(plane.x, unpack2x16float(plane_slope[index]), plane.y);
 }
@@ -117,7 +108,7 @@ fn stored(slope: vec2<f32>) -> vec2<f32> {
 fn store(node: vec2<u32>, slope: vec2<f32>, middle_m: f32, lowest: f32, highest: f32) {
     let side = f32(1u << params.level);
     let rounding = 1.0e-6 * (params.largest_m + (abs(slope.x) + abs(slope.y)) * side + highest - lowest);
-    let index = pyramid_index(params.stride, params.tall_pow2, params.level, node);
+    let index = ground_node(params.level, node);
     height_plane[index] = vec2(middle_m + 0.5 * (lowest + highest), 0.5 * (highest - lowest) + rounding);
     plane_slope[index] = pack2x16float(slope);
 }

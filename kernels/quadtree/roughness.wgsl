@@ -1,27 +1,20 @@
-//!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
+//!include ground
 //!include lib/block.wgsl
 // How far the surface is from a block's triangles, for every block of the quadtree: by the paper's five heights of a block
 // (Lee, Shin 2011, Eq. 3), or as a bound over everything that the block's triangles can be drawn instead of.
 
 struct Params {
-    /// Columns and rows of samples.
-    size: vec2<u32>,
     level: u32,
-    /// Layout of the pyramid.
-    stride: u32,
-    tall_pow2: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> height: array<f32>;
-@group(0) @binding(2) var<storage, read_write> roughness: array<f32>;
+@group(0) @binding(1) var<storage, read_write> roughness: array<f32>;
 /// For each block of a level: how far the samples on its north, west, south and east edge are from a straight line.
-@group(0) @binding(3) var<storage, read_write> edge_off: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> edge_off_in: array<vec4<f32>>;
+@group(0) @binding(2) var<storage, read_write> edge_off: array<vec4<f32>>;
+@group(0) @binding(3) var<storage, read> edge_off_in: array<vec4<f32>>;
 /// The largest distance over a tile of samples, for each tile.
-@group(0) @binding(5) var<storage, read_write> tile_off: array<f32>;
-@group(0) @binding(6) var<storage, read> tile_off_in: array<f32>;
+@group(0) @binding(4) var<storage, read_write> tile_off: array<f32>;
+@group(0) @binding(5) var<storage, read> tile_off_in: array<f32>;
 
 /// Cells a side of a tile, as a power of two.
 const TILE_LEVEL: u32 = 4u;
@@ -29,11 +22,11 @@ const TILE_LEVEL: u32 = 4u;
 const ROUNDING: f32 = 5.0e-7;
 
 fn base() -> vec2<u32> {
-    return params.size - 1u;
+    return ground_size() - 1u;
 }
 
 fn height_at(x: u32, y: u32) -> f32 {
-    return height[y * params.size.x + x];
+    return ground_height(vec2(x, y));
 }
 
 /// The largest of the four blocks under a block; 0 under the finest.
@@ -43,14 +36,14 @@ fn largest_below(at: vec2<u32>) -> f32 {
         let below = level_size(base(), params.level - 1u);
         for (var i = 0u; i < 4u; i++) {
             let child = min(2u * at + vec2(i & 1u, i >> 1u), below - 1u);
-            largest = max(largest, roughness[pyramid_index(params.stride, params.tall_pow2, params.level - 1u, child)]);
+            largest = max(largest, roughness[ground_node(params.level - 1u, child)]);
         }
     }
     return largest;
 }
 
 fn put(at: vec2<u32>, value: f32) {
-    roughness[pyramid_index(params.stride, params.tall_pow2, params.level, at)] = value;
+    roughness[ground_node(params.level, at)] = value;
 }
 
 /// Height in the middle of an edge against the line between its ends, `t` of the way along it.
@@ -78,7 +71,7 @@ fn nested(@builtin(global_invocation_id) id: vec3<u32>) {
     // the block's own two triangles meet on the diagonal of the surface's
     let upper = (ne - nw) * t.x + (sw - nw) * t.y;
     let lower = (se - nw) + (sw - se) * (1.0 - t.x) + (ne - se) * (1.0 - t.y);
-    let centre = abs((height_at(mid.x, mid.y) - nw) - select(lower, upper, t.x + t.y <= 1.0));
+    let centre = abs((height_at(mid.x, mid.y) - nw) - select(lower, upper, ground_is_north_west(t)));
     var own = max(edges, centre);
     if params.level == 1u && is_clamped(block) {
         // of the middles above none may be inside: the block is split the other way than its cell
@@ -170,9 +163,9 @@ fn ridges(block: Block, fan: Fan) -> f32 {
     let far = vec2<f32>(block.high - block.middle);
     let c = fan.corners;
     let width = near.x + far.x;
-    let tall_pow2 = near.y + far.y;
+    let tall = near.y + far.y;
     let along_x = vec2(c.y - c.x, c.w - c.z) / width;
-    let along_y = vec2(c.z - c.x, c.w - c.y) / tall_pow2;
+    let along_y = vec2(c.z - c.x, c.w - c.y) / tall;
     // height of each edge's line over against the centre, and how steep the fan is towards it
     let north = -(c.x + along_x.x * near.x) / near.y;
     let west = -(c.x + along_y.x * near.y) / near.x;

@@ -7,11 +7,9 @@
 // lies inside an edge. A thread takes one edge of one block and walks along it. The finest blocks are the cells of the surface.
 
 struct Params {
+    pyramid: Pyramid,
     /// Columns and rows of samples.
     size: vec2<u32>,
-    /// Layout of the pyramids.
-    stride: u32,
-    tall_pow2: u32,
     capacity: u32,
 }
 
@@ -94,7 +92,7 @@ fn is_split(edge: Edge, level: u32, at: u32) -> bool {
     if !is_there || any(node >= level_size(last_sample(), level)) {
         return false;
     }
-    let index = pyramid_index(params.stride, params.tall_pow2, level, node);
+    let index = pyramid_index(params.pyramid, level, node);
     return (split[index / 32u] >> (index & 31u) & 1u) != 0u;
 }
 

@@ -1,5 +1,4 @@
 //!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
 //!include lib/block.wgsl
 //!include lib/node.wgsl
 //!include lib/group_sum.wgsl
@@ -12,10 +11,8 @@
 
 struct Params {
     terrain: Terrain,
-    /// Layout of the pyramids; `top` is the level of the root.
-    stride: u32,
-    tall_pow2: u32,
-    top: u32,
+    view: View,
+    motion: Motion,
     /// The last round, after which there are no vertices.
     is_last: u32,
     /// Level of the blocks that are regions.
@@ -25,71 +22,53 @@ struct Params {
     leaf_capacity: u32,
     tree_capacity: u32,
     threshold_px: f32,
-    /// Pixels from the middle of the picture to where a ray leaves it at 45 degrees.
-    focal_px: f32,
-    /// World axes of the view: right, up, forward.
-    view_right: vec3<f32>,
-    view_up: vec3<f32>,
-    view_forward: vec3<f32>,
-    /// Inward normals of the picture's sides.
-    side_left: vec3<f32>,
-    side_right: vec3<f32>,
-    side_top: vec3<f32>,
-    side_bottom: vec3<f32>,
-    /// Of all rays with length 1 along the view direction: the longest, and the most that a metre of height moves one, at a distance of 1.
-    ray_most: f32,
-    tilt_most: f32,
-    /// The way that the eye has come since the path began, in metres, and what the camera has turned, in radians.
-    travelled_m: f32,
-    turned: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read> height: array<f32>;
-@group(0) @binding(2) var<storage, read> height_min: array<f32>;
-@group(0) @binding(3) var<storage, read> height_max: array<f32>;
-@group(0) @binding(4) var<storage, read> roughness: array<f32>;
-@group(0) @binding(5) var<storage, read> live: array<vec2<u32>>;
-@group(0) @binding(6) var<storage, read_write> live_out: array<vec2<u32>>;
+@group(0) @binding(1) var<storage, read> roughness: array<f32>;
+@group(0) @binding(2) var<storage, read> live: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read_write> live_out: array<vec2<u32>>;
 /// Workgroups along x, y, z and length of a list.
-@group(0) @binding(7) var<storage, read> live_count: array<u32>;
-@group(0) @binding(8) var<storage, read_write> live_count_out: array<u32>;
+@group(0) @binding(4) var<storage, read> live_count: array<u32>;
+@group(0) @binding(5) var<storage, read_write> live_count_out: array<u32>;
 /// What becomes of a vertex, and what it appends; then what those before it in its group of 64 append.
-@group(0) @binding(9) var<storage, read_write> choice_out: array<u32>;
-@group(0) @binding(10) var<storage, read> choice: array<u32>;
+@group(0) @binding(6) var<storage, read_write> choice_out: array<u32>;
+@group(0) @binding(7) var<storage, read> choice: array<u32>;
 /// What each group of 64 appends, to the leaves, the vertices and the tree; then where.
-@group(0) @binding(11) var<storage, read_write> wanted_out: array<vec4<u32>>;
-@group(0) @binding(12) var<storage, read> wanted: array<vec4<u32>>;
-@group(0) @binding(13) var<storage, read_write> place_out: array<vec4<u32>>;
-@group(0) @binding(14) var<storage, read> place: array<vec4<u32>>;
-@group(0) @binding(15) var<storage, read_write> leaf: array<vec2<u32>>;
-@group(0) @binding(16) var<storage, read_write> leaf_count: array<u32>;
+@group(0) @binding(8) var<storage, read_write> wanted_out: array<vec4<u32>>;
+@group(0) @binding(9) var<storage, read> wanted: array<vec4<u32>>;
+@group(0) @binding(10) var<storage, read_write> place_out: array<vec4<u32>>;
+@group(0) @binding(11) var<storage, read> place: array<vec4<u32>>;
+@group(0) @binding(12) var<storage, read_write> leaf: array<vec2<u32>>;
+@group(0) @binding(13) var<storage, read_write> leaf_count: array<u32>;
 /// A bit for each block: it is split.
-@group(0) @binding(17) var<storage, read_write> split: array<atomic<u32>>;
-@group(0) @binding(18) var<storage, read_write> clear: array<vec4<u32>>;
+@group(0) @binding(14) var<storage, read_write> split: array<atomic<u32>>;
+@group(0) @binding(15) var<storage, read_write> clear: array<vec4<u32>>;
 /// For the leaves, the vertices and the tree: the most elements that were wanted.
-@group(0) @binding(19) var<storage, read_write> needed: array<u32>;
-/// All nodes of the tree, in two halves: that of the frame before and this frame's.
-@group(0) @binding(20) var<storage, read_write> tree: array<vec2<u32>>;
-/// Nodes of the frame before, which half is this frame's, and its nodes so far.
-@group(0) @binding(21) var<storage, read_write> tree_count: array<u32>;
+@group(0) @binding(16) var<storage, read_write> needed: array<u32>;
+/// All nodes of the tree, in the frame before and in this one, and how many there are.
+@group(0) @binding(17) var<storage, read> tree_last: array<vec2<u32>>;
+@group(0) @binding(29) var<storage, read_write> tree: array<vec2<u32>>;
+@group(0) @binding(18) var<storage, read> tree_count_last: array<u32>;
+@group(0) @binding(30) var<storage, read_write> tree_count: array<u32>;
 /// Workgroups to visit the tree of the frame before.
-@group(0) @binding(22) var<storage, read_write> tree_work: array<u32>;
+@group(0) @binding(19) var<storage, read_write> tree_work: array<u32>;
 /// A bit for each region of the terrain: in it, a block is split no more.
-@group(0) @binding(23) var<storage, read_write> closing: array<atomic<u32>>;
-@group(0) @binding(24) var<storage, read> closed: array<u32>;
-/// For each node of both halves, how long what became of it holds: how far the nearest of it was, how much motion it allows, and
+@group(0) @binding(20) var<storage, read_write> closing: array<atomic<u32>>;
+@group(0) @binding(21) var<storage, read> closed: array<u32>;
+/// For each node of both trees, how long what became of it holds: how far the nearest of it was, how much motion it allows, and
 /// where the camera was (travelled, turned) when that was found.
-@group(0) @binding(25) var<storage, read_write> rest: array<vec4<f32>>;
+@group(0) @binding(22) var<storage, read_write> rest_last: array<vec4<f32>>;
+@group(0) @binding(31) var<storage, read_write> rest: array<vec4<f32>>;
 /// Workgroups to clear the bits of all blocks.
-@group(0) @binding(26) var<storage, read_write> clear_work: array<u32>;
+@group(0) @binding(23) var<storage, read_write> clear_work: array<u32>;
 /// Nodes of the frame before to look at again, and nodes that may be gone; with workgroups along x, y, z, and how many.
-@group(0) @binding(27) var<storage, read_write> stale: array<u32>;
-@group(0) @binding(28) var<storage, read_write> stale_work: array<atomic<u32>>;
-@group(0) @binding(29) var<storage, read_write> suspects: array<u32>;
-@group(0) @binding(30) var<storage, read_write> suspect_work: array<atomic<u32>>;
+@group(0) @binding(24) var<storage, read_write> stale: array<u32>;
+@group(0) @binding(25) var<storage, read_write> stale_work: array<atomic<u32>>;
+@group(0) @binding(26) var<storage, read_write> suspects: array<u32>;
+@group(0) @binding(27) var<storage, read_write> suspect_work: array<atomic<u32>>;
 /// Of the list that is visited.
-@group(0) @binding(31) var<storage, read> work: array<u32>;
+@group(0) @binding(28) var<storage, read> work: array<u32>;
 
 /// A vertex that is a leaf is looked at no more.
 override CARRY_FLAG: bool = true;
@@ -165,7 +144,7 @@ fn put_work(next: vec4<u32>) {
 /// Starts with the root.
 @compute @workgroup_size(1)
 fn begin() {
-    live_out[0] = node_of(params.top, vec2(0u));
+    live_out[0] = node_of(GROUND_CELLS_TOP, vec2(0u));
     put_work(work_for(1u, 1u));
     for (var i = 0u; i < 4u; i++) {
         leaf_count[i] = 0u;
@@ -176,11 +155,9 @@ fn begin() {
 /// Starts with the tree of the frame before, or with the root where there is none.
 @compute @workgroup_size(1)
 fn begin_again() {
-    let count = tree_count[NODES_NOW];
-    tree_count[NODES_BEFORE] = count;
-    tree_count[HALF] = 1u - min(tree_count[HALF], 1u);
-    tree_count[NODES_NOW] = 0u;
-    live_out[0] = node_of(params.top, vec2(0u));
+    let count = tree_count_last[0];
+    tree_count[0] = 0u;
+    live_out[0] = node_of(GROUND_CELLS_TOP, vec2(0u));
     put_work(work_for(select(0u, 1u, count == 0u), 1u));
     let visits = work_for(count, 1u);
     for (var i = 0u; i < 4u; i++) {
@@ -196,16 +173,6 @@ fn begin_again() {
         atomicStore(&stale_work[i], none);
         atomicStore(&suspect_work[i], none);
     }
-}
-
-/// Where in `tree_count` things are.
-const NODES_BEFORE: u32 = 0u;
-const HALF: u32 = 1u;
-const NODES_NOW: u32 = 2u;
-
-/// A node of the frame before.
-fn node_before(at: u32) -> vec2<u32> {
-    return tree[(1u - tree_count[HALF]) * params.tree_capacity + at];
 }
 
 @compute @workgroup_size(64)
@@ -260,7 +227,7 @@ fn offsets(@builtin(local_invocation_index) lane: u32) {
 @compute @workgroup_size(64)
 fn offsets_of_tree(@builtin(local_invocation_index) lane: u32) {
     // without a tree there is the root
-    let count = tree_count[NODES_BEFORE];
+    let count = tree_count_last[0];
     advance(lane, count, select(0u, 1u, count == 0u));
 }
 
@@ -284,7 +251,7 @@ fn advance(lane: u32, visited: u32, live_before: u32) {
     }
     var tree_before = 0u;
     if KEEP {
-        tree_before = tree_count[NODES_NOW];
+        tree_before = tree_count[0];
     }
     let start = vec4(leaf_count[3], live_before, tree_before, 0u);
     var at = start + before;
@@ -310,7 +277,7 @@ fn advance(lane: u32, visited: u32, live_before: u32) {
         }
         if KEEP {
             // a tree that did not fit is none
-            tree_count[NODES_NOW] = select(0u, after.z, needed[3] == 0u);
+            tree_count[0] = select(0u, after.z, needed[3] == 0u);
         }
     }
 }
@@ -363,10 +330,9 @@ fn append_node(thread: u32, node: vec2<u32>, level: u32, known: vec4<f32>) {
     }
     if KEEP && fate != AGAIN {
         if start.z < params.tree_capacity {
-            let slot = tree_count[HALF] * params.tree_capacity + start.z;
             let carried = select(0u, FLAG, is_split) | select(0u, OUT_OF_SIGHT, fate == CULLED);
-            tree[slot] = vec2(node.x, level << 1u | carried);
-            rest[slot] = known;
+            tree[start.z] = vec2(node.x, level << 1u | carried);
+            rest[start.z] = known;
         }
     }
 }
@@ -439,13 +405,13 @@ fn put_in_suspects(thread: u32) {
 fn recall(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
           @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread >= tree_count[NODES_BEFORE] {
+    if thread >= tree_count_last[0] {
         return;
     }
-    let node = node_before(thread);
+    let node = tree_last[thread];
     let was_split = (node.y & FLAG) != 0u;
     put_fate(thread, node, select(select(LEAF, SPLIT, was_split), CULLED, (node.y & OUT_OF_SIGHT) != 0u));
-    if !is_settled(rest[(1u - tree_count[HALF]) * params.tree_capacity + thread]) {
+    if !is_settled(rest_last[thread]) {
         put_in_stale(thread);
     }
 }
@@ -459,12 +425,12 @@ fn look(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         return;
     }
     let thread = stale[number];
-    let node = node_before(thread);
+    let node = tree_last[thread];
     let level = level_carried(node);
     let at = place_of(node, level);
     let outlook = outlook_on(level, at);
-    rest[(1u - tree_count[HALF]) * params.tree_capacity + thread] =
-        vec4(outlook.distance_m, outlook.motion, params.travelled_m, params.turned);
+    rest_last[thread] =
+        vec4(outlook.distance_m, outlook.motion, params.motion.travelled_m, params.motion.turned);
     put_fate(thread, node, outlook.fate);
     if (node.y & FLAG) != 0u && outlook.fate != SPLIT {
         unmark(level, at);
@@ -477,10 +443,10 @@ fn look(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
 fn suspect(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
            @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread >= tree_count[NODES_BEFORE] {
+    if thread >= tree_count_last[0] {
         return;
     }
-    let node = node_before(thread);
+    let node = tree_last[thread];
     let level = level_carried(node);
     let region = region_of(level, place_of(node, level));
     if (closed[region / 32u] & bit_of(region)) != 0u {
@@ -491,7 +457,7 @@ fn suspect(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) gro
 /// Whether all blocks above one are split.
 fn is_reached(level: u32, at: vec2<u32>) -> bool {
     var reached = true;
-    for (var above = level + 1u; above <= params.top && reached; above++) {
+    for (var above = level + 1u; above <= GROUND_CELLS_TOP && reached; above++) {
         let index = index_of(above, at >> vec2(above - level));
         reached = (atomicLoad(&split[index / 32u]) & bit_of(index)) != 0u;
     }
@@ -508,7 +474,7 @@ fn prune(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
         return;
     }
     let thread = suspects[number];
-    let node = node_before(thread);
+    let node = tree_last[thread];
     let level = level_carried(node);
     let at = place_of(node, level);
     if !is_reached(level, at) {
@@ -520,16 +486,15 @@ fn prune(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
 @compute @workgroup_size(64)
 fn sums_of_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                 @builtin(local_invocation_index) lane: u32) {
-    sum_up(thread_number(group, groups, lane), tree_count[NODES_BEFORE]);
+    sum_up(thread_number(group, groups, lane), tree_count_last[0]);
 }
 
 @compute @workgroup_size(64)
 fn append_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread < tree_count[NODES_BEFORE] {
-        let node = node_before(thread);
-        let slot = (1u - tree_count[HALF]) * params.tree_capacity + thread;
-        append_node(thread, node, level_carried(node), rest[slot]);
+    if thread < tree_count_last[0] {
+        let node = tree_last[thread];
+        append_node(thread, node, level_carried(node), rest_last[thread]);
     }
 }

@@ -1,6 +1,5 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
 //!include lib/traverse.wgsl
 // Exact first hit of each pixel's ray with the full-resolution surface.
 //
@@ -10,20 +9,13 @@
 struct Params {
     camera: Camera,
     terrain: Terrain,
-    stride: u32,
-    tall_pow2: u32,
-    top: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var height: texture_2d<f32>;
-@group(0) @binding(2) var<storage, read> height_max: array<f32>;
-@group(0) @binding(3) var<storage, read> height_min: array<f32>;
-@group(0) @binding(4) var<storage, read_write> distance: array<f32>;
+@group(0) @binding(1) var<storage, read_write> distance: array<f32>;
 /// For each tile of pixels, a t that all its rays reach without a hit; FAR if none of them hits anything.
-@group(0) @binding(5) var<storage, read_write> clear_until: array<f32>;
-@group(0) @binding(6) var<storage, read> start: array<f32>;
-@group(0) @binding(7) var nearest: sampler;
+@group(0) @binding(2) var<storage, read_write> clear_until: array<f32>;
+@group(0) @binding(3) var<storage, read> start: array<f32>;
 
 /// Pixels a side of a tile.
 const TILE: u32 = 8u;
@@ -33,7 +25,7 @@ const MOST_TRIES: u32 = 96u;
 /// Largest height under the cells from `low` to `high`, from at most four nodes.
 fn highest(low: vec2<i32>, high: vec2<i32>) -> f32 {
     let extent = u32(max(high.x - low.x, high.y - low.y));
-    let level = clamp(firstLeadingBit(extent | 1u) + 1u, 1u, params.top);
+    let level = clamp(firstLeadingBit(extent | 1u) + 1u, 1u, GROUND_CELLS_TOP);
     let a = low >> vec2(level);
     let b = high >> vec2(level);
     return max(max(bound(level, a, 1.0), bound(level, b, 1.0)),
@@ -63,7 +55,7 @@ fn coarse(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = vec2<i32>(terrain.size) - 1;
     let border_low = relative_cells(terrain, vec2(0));
     let border_high = relative_cells(terrain, last);
-    let summit = relative_height(terrain, bound(params.top, vec2(0), 1.0));
+    let summit = relative_height(terrain, bound(GROUND_CELLS_TOP, vec2(0), 1.0));
     let speed = max(max(length(low), length(high)), 1e-6);
     let width = max(high.x - low.x, high.y - low.y);
     var t = 0.0;

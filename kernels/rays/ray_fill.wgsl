@@ -1,6 +1,6 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
-//!include lib/pyramid.wgsl
+//!include lib/view.wgsl
 //!include lib/traverse.wgsl
 //!include lib/place.wgsl
 // First hit for the pixels of a list, which replaces what the mesh drew there: exact, or, for blocks of several rows, within the
@@ -9,35 +9,25 @@
 struct Params {
     camera: Camera,
     terrain: Terrain,
-    stride: u32,
-    tall_pow2: u32,
-    top: u32,
+    view: View,
     /// Elements that the list has room for.
     length: u32,
     /// Steepest slope of the surface, as a tangent.
     steepest: f32,
     /// Largest error that a pixel may have.
     bound_px: f32,
-    /// Pixels from the middle of the picture to where a ray leaves it at 45 degrees.
-    focal_px: f32,
-    /// Upward part of the view direction.
-    forward_z: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var height: texture_2d<f32>;
-@group(0) @binding(2) var<storage, read> height_max: array<f32>;
-@group(0) @binding(3) var<storage, read> height_min: array<f32>;
-@group(0) @binding(4) var<storage, read_write> distance: array<f32>;
+@group(0) @binding(1) var<storage, read_write> distance: array<f32>;
 /// For each tile of pixels, a t that all its rays reach without a hit; FAR if none of them hits anything.
-@group(0) @binding(5) var<storage, read> clear_until: array<f32>;
-@group(0) @binding(6) var nearest: sampler;
+@group(0) @binding(2) var<storage, read> clear_until: array<f32>;
 /// Numbers of the pixels.
-@group(0) @binding(7) var<storage, read> pixels: array<u32>;
+@group(0) @binding(3) var<storage, read> pixels: array<u32>;
 /// Workgroups along x, y, z, and how many pixels there are.
-@group(0) @binding(8) var<storage, read> pixels_count: array<u32>;
+@group(0) @binding(4) var<storage, read> pixels_count: array<u32>;
 /// Normalised error of what the mesh drew.
-@group(0) @binding(9) var<storage, read> error: array<f32>;
+@group(0) @binding(5) var<storage, read> error: array<f32>;
 
 /// The mesh is nowhere under the surface: what it drew in front of a ray, the ray reaches.
 override FROM_MESH: bool = false;
@@ -95,8 +85,8 @@ const MOST_APART: f32 = 0.1;
 
 /// Pixels, with room for rounding, of a difference in height next to a place on a pixel's ray.
 fn off_px(own_m: vec3<f32>, t: f32, off_m: f32) -> f32 {
-    let depth = t - off_m * abs(params.forward_z);
-    let px = params.focal_px * off_m * length(own_m * params.forward_z - vec3(0.0, 0.0, 1.0)) / depth;
+    let depth = t - off_m * abs(params.view.forward.z);
+    let px = params.view.focal_px * off_m * length(own_m * params.view.forward.z - vec3(0.0, 0.0, 1.0)) / depth;
     return select(FAR, px * 1.0001 + 0.02, depth > 0.0);
 }
 
@@ -149,9 +139,9 @@ fn triangle_at(hit_m: vec3<f32>) -> Triangle {
     let whole = terrain.eye_cell + vec2<i32>(floor(at + terrain.eye_fraction));
     let cell = clamp(whole, vec2(0), vec2<i32>(terrain.size) - 2);
     let corner = relative_cells(terrain, cell);
-    let h = corners(cell);
-    let is_north_west = at.x - corner.x + at.y - corner.y <= 1.0;
-    return Triangle(corner, select(vec2(h.w - h.z, h.w - h.y), vec2(h.y - h.x, h.z - h.x), is_north_west), is_north_west);
+    let h = ground_corners(cell);
+    let is_north_west = ground_is_north_west(at - corner);
+    return Triangle(corner, ground_slope(h, is_north_west), is_north_west);
 }
 
 /// Shows at a pixel what another ray has hit: where the pixel's own ray meets the same triangle, or else the ground next to the hit.
@@ -167,7 +157,7 @@ fn show(pixel: vec2<u32>, shared_m: vec3<f32>, t: f32, hit: Triangle) -> bool {
         let steep = own_m.z - dot(hit.slope, own);
         let exact = own_t - gap / steep;
         let place = own * exact - hit.corner;
-        let is_north_west = place.x + place.y <= 1.0;
+        let is_north_west = ground_is_north_west(place);
         let is_inside = all(place >= vec2(0.0)) && all(place <= vec2(1.0)) && is_north_west == hit.is_north_west;
         own_t = select(own_t, exact, is_inside && steep < 0.0 && exact > 0.0);
     }

@@ -39,6 +39,8 @@ pub struct Cell {
     pub measures_origin: Origin,
     pub stages: Vec<StageCall>,
     pub measures: Vec<MeasureCall>,
+    /// Frames leave out steps whose inputs are those of the frame before.
+    pub reuse: bool,
 }
 
 /// A stage as it stands in a chain, not yet looked up in the registry.
@@ -58,7 +60,7 @@ pub struct MeasureCall {
 /// What is measured where the experiment says nothing.
 const DEFAULT_MEASURES: &str = "[ScreenError, Time]";
 
-const FIELDS: [&str; 5] = ["title", "scene", "chains", "sweep", "measure"];
+const FIELDS: [&str; 6] = ["title", "scene", "chains", "sweep", "measure", "reuse"];
 
 impl Experiment {
     pub fn load(path: &Path) -> Result<Self, Diagnostic> {
@@ -212,7 +214,9 @@ impl Experiment {
         let swept = swept.iter().map(|setting| (setting.path.clone(), setting.value.canonical())).collect();
         let measures_origin = root.field("measure").map_or(root.head(), |node| node.origin.clone());
         let scene_node = scene_node.clone();
-        Ok(Cell { chain: chain.to_string(), settings: swept, scene, scene_node, measures_origin, stages, measures })
+        let reuse = root.field("reuse").map_or(Ok(false), Node::parse)?;
+        let chain = chain.to_string();
+        Ok(Cell { chain, settings: swept, scene, scene_node, measures_origin, stages, measures, reuse })
     }
 }
 

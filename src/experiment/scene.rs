@@ -13,6 +13,12 @@ pub struct Scene {
     /// How the surface runs between height samples. Default: `Triangles`.
     #[serde(default)]
     pub surface: Surface,
+    /// How adapters hold the height samples. Default: `Auto`.
+    #[serde(default)]
+    pub held_as: Held,
+    /// What the ground looks like, for `Shade`. Default: its height in colours.
+    #[serde(default)]
+    pub colour: Option<Colour>,
     pub camera: Camera,
     /// Width and height of the image in pixels. Default: (1024, 768).
     #[serde(default = "default_viewport")]
@@ -40,6 +46,51 @@ pub enum Surface {
     Triangles,
     /// One bilinear patch a cell.
     Bilinear,
+}
+
+/// The form of the height samples on the device. What kernels compute does not depend on it, how fast they are does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Held {
+    /// An image for kernels that fetch four samples at once, an array for the others; an image for all where an array is too large for some
+    /// adapter.
+    #[default]
+    Auto,
+    Array,
+    Image,
+}
+
+/// A map of colours that lies on the ground; its first and last columns and rows are on the terrain's border.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Colour {
+    /// A picture, row 0 in the north.
+    Image(ColourImage),
+    /// What grows or lies there, from height and slope.
+    Cover(Cover),
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ColourImage {
+    /// Path of a `.png`, relative to the experiment file.
+    pub file: PathBuf,
+}
+
+/// One colour a sample: rock where it is steep, snow where it is high, and otherwise meadow, which gets thinner with height.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Cover {
+    /// Steeper ground is rock, in degrees. Default: 35.
+    pub rock_deg: f64,
+    /// Higher ground is under snow, in metres. Default: four fifths of the way from the lowest to the highest sample.
+    pub snow_m: Option<f64>,
+    /// Lower ground is under water, in metres. Default: none is.
+    pub water_m: Option<f64>,
+}
+
+impl Default for Cover {
+    fn default() -> Self {
+        Self { rock_deg: 35.0, snow_m: None, water_m: None }
+    }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,8 +4,9 @@ use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
 
+use super::cache::Cache;
 use super::{GpuError, timing};
-use crate::plan::{BufferId, Plan, Storage, Work};
+use crate::plan::{BufferId, How, Plan, Step, Storage};
 
 /// What a record says about the machine it was made on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +39,7 @@ pub struct Gpu {
     pub limits: wgpu::Limits,
     /// What a submission with nothing in it takes on the clock.
     pub submission_ms: f64,
+    pub(super) cache: Cache,
     failure: Arc<Mutex<Option<String>>>,
 }
 
@@ -89,12 +91,12 @@ pub fn list() -> Vec<AdapterSummary> {
 
 impl Gpu {
     /// Opens an adapter by its place in [`list`]: several can have the same name.
-    pub fn open_nth(at: usize) -> Result<Self, GpuError> {
+    pub fn open_nth(at: usize) -> Result<Arc<Self>, GpuError> {
         adapters().get(at).map_or(Err(GpuError::NoAdapter), Self::open_adapter)
     }
 
     /// Opens the first adapter whose name contains `wanted`, or the first one.
-    pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
+    pub fn open(wanted: Option<&str>) -> Result<Arc<Self>, GpuError> {
         let adapters = adapters();
         let known: Vec<String> = adapters.iter().map(|adapter| adapter.get_info().name).collect();
         let fits = |name: &String| wanted.is_none_or(|wanted| name.to_lowercase().contains(&wanted.to_lowercase()));
@@ -108,17 +110,20 @@ impl Gpu {
         Self::open_adapter(adapter)
     }
 
-    fn open_adapter(adapter: &wgpu::Adapter) -> Result<Self, GpuError> {
-        let summary = summarize(adapter);
-        let limits = adapter.limits();
+    fn open_adapter(adapter: &wgpu::Adapter) -> Result<Arc<Self>, GpuError> {
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("lodlab"),
             required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-            required_limits: limits.clone(),
+            required_limits: adapter.limits(),
             ..Default::default()
         };
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|error| GpuError::Open { adapter: summary.name.clone(), why: error.to_string() })?;
+            .map_err(|error| GpuError::Open { adapter: adapter.get_info().name, why: error.to_string() })?;
+        Self::adopt(adapter, device, queue)
+    }
+
+    /// Takes on a device that somebody else made, a window for instance. Its error handlers are lodlab's from now on.
+    pub fn adopt(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Arc<Self>, GpuError> {
         let failure = Arc::new(Mutex::new(None));
         let note = |failure: &Arc<Mutex<Option<String>>>| {
             let failure = failure.clone();
@@ -136,10 +141,13 @@ impl Gpu {
                 on_loss(message);
             }
         });
-        let mut gpu = Self { device, queue, summary, limits, submission_ms: 0.0, failure };
+        // a device can have less than its adapter
+        let (limits, has_stamps) = (device.limits(), device.features().contains(wgpu::Features::TIMESTAMP_QUERY));
+        let (summary, cache) = (summarize(adapter), Cache::default());
+        let mut gpu = Self { device, queue, summary, limits, submission_ms: 0.0, cache, failure };
         gpu.submission_ms = timing::empty_submission_ms(&gpu)?;
-        gpu.summary.timestamps = gpu.summary.timestamps && timing::stamps_agree_with_clock(&gpu)?;
-        Ok(gpu)
+        gpu.summary.timestamps = gpu.summary.timestamps && has_stamps && timing::stamps_agree_with_clock(&gpu)?;
+        Ok(Arc::new(gpu))
     }
 
     /// Waits until everything submitted is done.
@@ -203,13 +211,13 @@ impl Gpu {
             }
         }
         let most_storage = u64::from(self.limits.max_storage_buffers_per_shader_stage);
-        for step in &plan.steps {
-            let storage = step.kernel.entry(&step.entry).map_or(0, |entry| entry.storage_buffers() as u64);
+        for (step, run) in plan.steps.iter().filter_map(|step: &Step| step.run().map(|run| (step, run))) {
+            let storage = run.kernel.entry(&run.entry).map_or(0, |entry| entry.storage_buffers() as u64);
             if storage > most_storage {
-                let what = format!("the step `{}` ({}) in storage buffers", step.label, step.kernel.name);
+                let what = format!("the step `{}` ({}) in storage buffers", step.label, run.kernel.name);
                 return Err(GpuError::Limit { what, needed: storage, adapter: adapter(), limit: most_storage });
             }
-            let Work::Groups(groups) = step.work else { continue };
+            let How::Groups(groups) = run.how else { continue };
             let (most, limit) =
                 (groups.into_iter().max().unwrap_or(0), self.limits.max_compute_workgroups_per_dimension);
             if most > limit {

@@ -47,7 +47,7 @@ impl Place {
     }
 }
 
-pub fn make_buffers(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> {
+pub fn make_places(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> {
     use wgpu::BufferUsages as Usage;
     let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST | Usage::INDIRECT;
     let slots =

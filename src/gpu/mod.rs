@@ -1,8 +1,15 @@
 //! The GPU: adapters, and the one place that dispatches.
 
+mod bind;
+mod cache;
 pub mod device;
-pub mod execute;
+mod encode;
+mod execute;
 mod memory;
+mod parameters;
+mod readback;
+mod stamps;
+pub mod submit;
 mod timing;
 
 use thiserror::Error;
@@ -10,7 +17,8 @@ use thiserror::Error;
 use crate::experiment::diagnostic::Diagnostic;
 
 pub use device::{AdapterSummary, Gpu};
-pub use execute::{Executor, StepTime};
+pub use execute::Executor;
+pub use submit::StepTime;
 
 #[derive(Debug, Error)]
 pub enum GpuError {

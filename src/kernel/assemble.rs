@@ -9,6 +9,25 @@ use crate::experiment::diagnostic::{Diagnostic, Origin, Source};
 
 static KERNELS: Dir = include_dir!("$CARGO_MANIFEST_DIR/kernels");
 const INCLUDE: &str = "//!include ";
+/// The line that takes in the ground, and the same for a kernel that is faster with an image of it.
+const GROUND: &str = "ground";
+const GROUND_AS_IMAGE: &str = "ground as image";
+
+/// In which form a kernel finds the ground's samples: a file of `kernels/ground/`, all of which have the same functions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum GroundForm {
+    Array,
+    Image,
+}
+
+impl GroundForm {
+    fn file(self) -> &'static str {
+        match self {
+            GroundForm::Array => "ground/array.wgsl",
+            GroundForm::Image => "ground/image.wgsl",
+        }
+    }
+}
 
 /// The text naga and the driver see.
 #[derive(Debug)]
@@ -16,6 +35,8 @@ pub struct Assembled {
     pub text: String,
     /// The file that was asked for.
     pub main: Arc<Source>,
+    /// The form of the ground that it was assembled with; `None` if it does not look at the ground.
+    pub ground: Option<GroundForm>,
     /// Start in `text` of each file, ascending.
     files: Vec<(usize, Arc<Source>)>,
 }
@@ -24,9 +45,10 @@ pub fn built_in_text(name: &str) -> Option<&'static str> {
     KERNELS.get_file(name)?.contents_utf8()
 }
 
-/// Kernel files by room; `lib/` has what they share.
+/// Kernel files by room; `lib/` has what they share, `ground/` what they know of the ground.
 pub fn built_in_paths() -> Vec<String> {
-    let rooms = KERNELS.dirs().filter(|dir| !dir.path().starts_with("lib"));
+    let is_shared = |dir: &&Dir| dir.path().starts_with("lib") || dir.path().starts_with("ground");
+    let rooms = KERNELS.dirs().filter(|dir| !is_shared(dir));
     let files = rooms.flat_map(|room| room.files());
     let mut paths: Vec<String> = files.map(|file| file.path().display().to_string()).collect();
     paths.sort();
@@ -34,16 +56,22 @@ pub fn built_in_paths() -> Vec<String> {
 }
 
 impl Assembled {
-    pub fn new(main: Arc<Source>) -> Result<Self, Diagnostic> {
-        let mut assembled = Self { text: String::new(), main: main.clone(), files: Vec::new() };
-        assembled.add(main, &mut Vec::new())?;
+    /// `form` is how the ground is held; without, as the kernel would have it.
+    pub fn new(main: Arc<Source>, form: Option<GroundForm>) -> Result<Self, Diagnostic> {
+        let form = form.unwrap_or(if prefers_image(&main.text) { GroundForm::Image } else { GroundForm::Array });
+        let mut assembled = Self { text: String::new(), main: main.clone(), ground: None, files: Vec::new() };
+        assembled.add(main, form, &mut Vec::new())?;
         Ok(assembled)
     }
 
-    fn add(&mut self, source: Arc<Source>, seen: &mut Vec<String>) -> Result<(), Diagnostic> {
+    fn add(&mut self, source: Arc<Source>, form: GroundForm, seen: &mut Vec<String>) -> Result<(), Diagnostic> {
         seen.push(source.name.clone());
         for (start, line) in include_lines(&source.text) {
-            let name = line[INCLUDE.len()..].trim();
+            let mut name = line[INCLUDE.len()..].trim();
+            if name == GROUND || name == GROUND_AS_IMAGE {
+                self.ground = Some(form);
+                name = form.file();
+            }
             if seen.contains(&format!("kernels/{name}")) {
                 continue;
             }
@@ -53,7 +81,7 @@ impl Assembled {
                     .at(&origin, "included here")
                     .suggest(name, library_names().iter().map(String::as_str)));
             };
-            self.add(Source::new(format!("kernels/{name}"), text), seen)?;
+            self.add(Source::new(format!("kernels/{name}"), text), form, seen)?;
         }
         self.files.push((self.text.len(), source.clone()));
         self.text.push_str(&source.text);
@@ -68,6 +96,14 @@ impl Assembled {
         let clamp = |at: usize| at.saturating_sub(*start).min(source.text.len());
         Origin { source: source.clone(), range: clamp(range.start)..clamp(range.end) }
     }
+}
+
+/// Whether a kernel, or anything that it takes in, would have the ground as an image.
+fn prefers_image(text: &str) -> bool {
+    include_lines(text).any(|(_, line)| {
+        let name = line[INCLUDE.len()..].trim();
+        name == GROUND_AS_IMAGE || built_in_text(name).is_some_and(prefers_image)
+    })
 }
 
 /// The include lines at the top of a file: only blank lines and comments may stand before them.
@@ -85,5 +121,6 @@ fn include_lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
 
 fn library_names() -> Vec<String> {
     let files = KERNELS.get_dir("lib").map(|dir| dir.files());
-    files.into_iter().flatten().map(|file| file.path().display().to_string()).collect()
+    let libraries = files.into_iter().flatten().map(|file| file.path().display().to_string());
+    libraries.chain([GROUND.to_string()]).collect()
 }

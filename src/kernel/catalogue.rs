@@ -3,23 +3,27 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::{Kernel, assemble};
+use super::{GroundForm, Kernel, assemble};
 use crate::experiment::diagnostic::{Diagnostic, Source};
 
-static KNOWN: OnceLock<Mutex<HashMap<String, Arc<Kernel>>>> = OnceLock::new();
+type Known = HashMap<(String, Option<GroundForm>), Arc<Kernel>>;
+
+static KNOWN: OnceLock<Mutex<Known>> = OnceLock::new();
 
 impl Kernel {
     /// One of the kernels that come with lodlab by its path under `kernels/`, for example `rays/ray_cast.wgsl`.
-    pub fn built_in(path: &str) -> Result<Arc<Kernel>, Diagnostic> {
+    /// `form` is how the ground is held; without, as the kernel would have it.
+    pub fn built_in(path: &str, form: Option<GroundForm>) -> Result<Arc<Kernel>, Diagnostic> {
         // a thread that failed while it held the lock has left whole kernels only
         let mut known = KNOWN.get_or_init(Default::default).lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(kernel) = known.get(path) {
+        let key = (path.to_string(), form);
+        if let Some(kernel) = known.get(&key) {
             return Ok(kernel.clone());
         }
         let text = assemble::built_in_text(path)
             .ok_or_else(|| Diagnostic::run(format!("lodlab has no kernel file `{path}`")))?;
-        let kernel = Self::from_source(Source::new(format!("kernels/{path}"), text), true)?;
-        known.insert(path.to_string(), kernel.clone());
+        let kernel = Self::from_source(Source::new(format!("kernels/{path}"), text), true, form)?;
+        known.insert(key, kernel.clone());
         Ok(kernel)
     }
 

@@ -2,18 +2,22 @@
 //!
 //! A kernel file may start with lines `//!include lib/NAME.wgsl`. Each included file stands once, in front of
 //! the file that wants it, and every byte of the assembled text knows the file it came from, so that a
-//! mistake is reported where it was written.
+//! mistake is reported where it was written. A line `//!include ground` takes in the file of the form in which the ground is held.
 
 mod assemble;
 mod catalogue;
 mod reflect;
+mod value;
 
 use std::sync::Arc;
 
 use crate::experiment::diagnostic::{Diagnostic, Source};
 
-pub use assemble::Assembled;
-pub use reflect::{Binding, BindingKind, Elem, Entry, Field, FieldKind, Structure};
+pub use assemble::{Assembled, GroundForm};
+pub use reflect::{
+    Binding, BindingKind, Elem, Entry, Field, FieldKind, GROUND_GROUP, Nested, OWN_GROUP, Packing, Structure,
+};
+pub use value::Value;
 
 /// A kernel file that passed naga's validation, and what is known of its entry points.
 #[derive(Debug)]
@@ -31,10 +35,14 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// A kernel from any text; `source.name` is what errors show.
-    pub fn from_source(source: Arc<Source>, trusted: bool) -> Result<Arc<Kernel>, Diagnostic> {
+    /// A kernel from any text; `source.name` is what errors show. `form` is how the ground is held; without, as the kernel would have it.
+    pub fn from_source(
+        source: Arc<Source>,
+        trusted: bool,
+        form: Option<GroundForm>,
+    ) -> Result<Arc<Kernel>, Diagnostic> {
         let name = source.name.rsplit('/').next().unwrap_or_default().to_string();
-        let assembled = Assembled::new(source)?;
+        let assembled = Assembled::new(source, form)?;
         let (entries, overrides) = reflect::reflect(&assembled)?;
         let hash = blake3::hash(assembled.text.as_bytes()).to_hex().as_str()[..16].to_string();
         Ok(Arc::new(Kernel { name, assembled, hash, entries, overrides, trusted }))
@@ -46,6 +54,16 @@ impl Kernel {
                 .at(&self.assembled.main.everywhere(), "in this kernel")
                 .suggest(name, self.entries.iter().map(|entry| entry.name.as_str()))
         })
+    }
+
+    /// The same kernel with the ground in another form.
+    pub fn with_ground(self: &Arc<Self>, form: Option<GroundForm>) -> Result<Arc<Kernel>, Diagnostic> {
+        match (self.assembled.ground, form) {
+            (Some(own), Some(form)) if own != form => {
+                Self::from_source(self.assembled.main.clone(), self.trusted, Some(form))
+            }
+            _ => Ok(self.clone()),
+        }
     }
 
     /// What a variable is bound to, in any of the entry points.

@@ -6,6 +6,10 @@ use naga::{AddressSpace, GlobalVariable, Handle, Module, ScalarKind, Span, Stora
 use super::Assembled;
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 
+/// The group of a kernel's own bindings, and that of the ground's, which the plan fills.
+pub const OWN_GROUP: u32 = 0;
+pub const GROUND_GROUP: u32 = 1;
+
 /// Element of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub enum Elem {
@@ -36,6 +40,21 @@ impl Elem {
         self == bound || matches!((self, bound), (Elem::F32, Elem::Vec4F32) | (Elem::U32, Elem::Vec4U32))
     }
 
+    /// The values in the bytes of elements, unpacked.
+    pub fn values(self, packing: Packing, bytes: &[u8]) -> Vec<f64> {
+        let numbers = || bytemuck::pod_collect_to_vec::<u8, u32>(bytes).into_iter();
+        match (packing, self) {
+            (Packing::Bytes, _) => bytes.iter().map(|&byte| byte.into()).collect(),
+            (Packing::Halves, _) => bytemuck::pod_collect_to_vec::<u8, u16>(bytes)
+                .into_iter()
+                .map(|bits| half::f16::from_bits(bits).into())
+                .collect(),
+            (_, elem) if elem.is_float() => numbers().map(|bits| f64::from(f32::from_bits(bits))).collect(),
+            (_, Elem::I32) => numbers().map(|bits| f64::from(bits as i32)).collect(),
+            _ => numbers().map(f64::from).collect(),
+        }
+    }
+
     pub fn is_float(self) -> bool {
         matches!(self, Elem::F32 | Elem::Vec2F32 | Elem::Vec4F32)
     }
@@ -55,6 +74,28 @@ impl Elem {
             (ScalarKind::Uint, 4, 2) => Some(Elem::Vec2U32),
             (ScalarKind::Uint, 4, 4) => Some(Elem::Vec4U32),
             _ => None,
+        }
+    }
+}
+
+/// Several values in one element.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Packing {
+    /// As many values as the element has components.
+    None,
+    /// Four bytes in a u32, the lowest first.
+    Bytes,
+    /// Two f16 in a u32, the lower first.
+    Halves,
+}
+
+impl Packing {
+    /// Values in one element.
+    pub fn components(self, elem: Elem) -> u32 {
+        match self {
+            Packing::None => elem.components(),
+            Packing::Bytes => 4,
+            Packing::Halves => 2,
         }
     }
 }
@@ -79,6 +120,8 @@ impl Entry {
 pub struct Binding {
     /// The WGSL variable's name, which is how a stage binds it.
     pub name: String,
+    /// 0 is the kernel's own; 1 is the ground's.
+    pub group: u32,
     pub binding: u32,
     pub kind: BindingKind,
     pub origin: Origin,
@@ -90,7 +133,7 @@ pub enum BindingKind {
     Params(Structure),
     /// `var<storage, read>` or `read_write` of an array.
     Storage { elem: Elem, read: bool, written: bool },
-    /// `texture_2d<f32>`: the terrain as an image, which many adapters read faster than an array.
+    /// `texture_2d<f32>`: an input as an image, which many adapters read faster than an array.
     /// `texture_2d<u32>`: a render target.
     Image { float: bool },
     /// `sampler`: nearest, clamped to the edge; for `textureGather`.
@@ -102,6 +145,17 @@ pub enum BindingKind {
 pub struct Structure {
     pub bytes: u32,
     pub fields: Vec<Field>,
+    /// The structure itself and those in it, outermost first.
+    pub nested: Vec<Nested>,
+}
+
+/// A structure in a structure.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Nested {
+    /// What the names of its fields begin with: empty, or a member and a dot.
+    pub prefix: String,
+    /// The structure's own name in WGSL.
+    pub name: String,
 }
 
 #[derive(Clone, Debug)]
@@ -118,6 +172,13 @@ pub enum FieldKind {
     F32(u32),
     U32(u32),
     I32(u32),
+}
+
+impl FieldKind {
+    pub fn components(self) -> u32 {
+        let (FieldKind::F32(components) | FieldKind::U32(components) | FieldKind::I32(components)) = self;
+        components
+    }
 }
 
 /// Parses, validates and describes a kernel.
@@ -143,7 +204,8 @@ pub fn reflect(assembled: &Assembled) -> Result<(Vec<Entry>, Vec<String>), Diagn
             let read = function[handle].contains(GlobalUse::READ);
             bindings.push(binding(assembled, &module, handle, variable, read)?);
         }
-        let is_params = |binding: &&Binding| matches!(binding.kind, BindingKind::Params(_));
+        let is_params =
+            |binding: &&Binding| binding.group == OWN_GROUP && matches!(binding.kind, BindingKind::Params(_));
         if let Some(second) = bindings.iter().filter(is_params).nth(1) {
             return Err(Diagnostic::input(format!(
                 "`{}` is a second uniform structure; a kernel has one",
@@ -151,7 +213,7 @@ pub fn reflect(assembled: &Assembled) -> Result<(Vec<Entry>, Vec<String>), Diagn
             ))
             .at(&second.origin, "put its fields into the other"));
         }
-        bindings.sort_by_key(|binding| binding.binding);
+        bindings.sort_by_key(|binding| (binding.group, binding.binding));
         let workgroup_size = entry.workgroup_size;
         entries.push(Entry { name: entry.name.clone(), stage: entry.stage, workgroup_size, bindings });
     }
@@ -182,15 +244,16 @@ fn binding(
     let origin = assembled.origin(span);
     let refuse = |what: &str| Err(Diagnostic::input(format!("`{name}` {what}")).at(&origin, "this binding"));
     let Some(place) = &variable.binding else { return refuse("has no binding") };
-    if place.group != 0 {
+    let is_of_ground = origin.source.name.starts_with("kernels/ground/");
+    if place.group != if is_of_ground { GROUND_GROUP } else { OWN_GROUP } {
         return refuse("is in another group than 0; a kernel has one group");
     }
     let inner = &module.types[variable.ty].inner;
     let kind = match (variable.space, inner) {
         (AddressSpace::Uniform, TypeInner::Struct { span, .. }) => {
-            let mut fields = Vec::new();
-            flatten(module, variable.ty, "", 0, &origin, &mut fields)?;
-            BindingKind::Params(Structure { bytes: *span, fields })
+            let mut structure = Structure { bytes: *span, fields: Vec::new(), nested: Vec::new() };
+            flatten(module, variable.ty, "", 0, &origin, &mut structure)?;
+            BindingKind::Params(structure)
         }
         (AddressSpace::Storage { access }, TypeInner::Array { base, .. }) => {
             match Elem::from_type(&module.types[*base].inner) {
@@ -201,14 +264,19 @@ fn binding(
             }
         }
         (AddressSpace::Handle, TypeInner::Sampler { comparison: false }) => BindingKind::Sampler,
-        (AddressSpace::Handle, TypeInner::Image { class: naga::ImageClass::Sampled { kind, multi: false }, .. })
-            if matches!(kind, ScalarKind::Float | ScalarKind::Uint) =>
-        {
+        (
+            AddressSpace::Handle,
+            TypeInner::Image {
+                dim: naga::ImageDimension::D2,
+                arrayed: false,
+                class: naga::ImageClass::Sampled { kind, multi: false },
+            },
+        ) if matches!(kind, ScalarKind::Float | ScalarKind::Uint) => {
             BindingKind::Image { float: *kind == ScalarKind::Float }
         }
         _ => return refuse("is no storage array, no uniform structure and no texture_2d of f32 or u32"),
     };
-    Ok(Binding { name, binding: place.binding, kind, origin })
+    Ok(Binding { name, group: place.group, binding: place.binding, kind, origin })
 }
 
 fn flatten(
@@ -217,15 +285,17 @@ fn flatten(
     prefix: &str,
     base: u32,
     origin: &Origin,
-    fields: &mut Vec<Field>,
+    structure: &mut Structure,
 ) -> Result<(), Diagnostic> {
     let TypeInner::Struct { members, .. } = &module.types[ty].inner else { return Ok(()) };
+    let name = module.types[ty].name.clone().unwrap_or_default();
+    structure.nested.push(Nested { prefix: prefix.into(), name });
     for member in members {
         let name = format!("{prefix}{}", member.name.as_deref().unwrap_or_default());
         let offset = base + member.offset;
         let (components, scalar) = match module.types[member.ty].inner {
             TypeInner::Struct { .. } => {
-                flatten(module, member.ty, &format!("{name}."), offset, origin, fields)?;
+                flatten(module, member.ty, &format!("{name}."), offset, origin, structure)?;
                 continue;
             }
             TypeInner::Scalar(scalar) => (1, scalar),
@@ -244,7 +314,7 @@ fn flatten(
                     .at(origin, "a parameter is f32, u32, i32 or a vector of them"));
             }
         };
-        fields.push(Field { name, offset, kind, origin: origin.clone() });
+        structure.fields.push(Field { name, offset, kind, origin: origin.clone() });
     }
     Ok(())
 }

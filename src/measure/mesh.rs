@@ -8,10 +8,10 @@ use super::{Column, Figures, Info, Measure, Measured, Seen, Show, Tally, pinhole
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
+use crate::ground::Ground;
 use crate::kernel::Elem;
 use crate::plan::product::{self, Drawn, Products};
 use crate::plan::{BufferId, Chain};
-use crate::terrain::HeightField;
 
 pub const INFO: Info = Info {
     name: "Mesh",
@@ -82,18 +82,19 @@ impl Tally for Summary {
     fn frame(&mut self, seen: &Seen) {
         let subject = Subject::of(&seen.plan.products);
         self.is_drawn = subject.drawn.is_some();
+        let ground = seen.data.ground.as_ref();
         match subject.mesh {
             None => {}
             Some(product::Mesh::Grid(grid)) => {
                 let columns = seen.plan.buffer(grid.vertex).dims[1] as usize;
-                self.add(&grid_triangles(&seen.read(grid.vertex), columns), seen.camera());
+                self.add(&grid_triangles(&seen.read(grid.vertex), columns), ground, seen.camera());
             }
             Some(product::Mesh::List(list)) => {
                 let drawn_vertices = seen.read::<u32>(list.count).first().copied().unwrap_or(0);
                 let triangles = Listed::new(&seen.read(list.triangle), drawn_vertices);
                 let drawn_m: Option<Vec<f32>> = subject.drawn.map(|drawn| seen.read(drawn.distance));
                 let both_m = drawn_m.as_deref().zip(seen.truth.map(|truth| &truth.distance_m[..]));
-                self.add_list(&triangles, &seen.data.terrain, seen.camera(), both_m);
+                self.add_list(&triangles, ground, seen.camera(), both_m);
             }
         }
     }
@@ -117,30 +118,30 @@ struct Summary {
 }
 
 impl Summary {
-    fn add(&mut self, mesh: &Triangles, camera: &Camera) {
+    fn add(&mut self, mesh: &Triangles, ground: &dyn Ground, camera: &Camera) {
         self.cracks += cracks(mesh);
-        self.add_uncracked(mesh, camera);
+        self.add_uncracked(mesh, ground, camera);
     }
 
     /// A list of triangles, and what was drawn of it and should have been: distances along the pixels' rays, if they are known.
     fn add_list(
         &mut self,
         list: &Listed,
-        terrain: &HeightField,
+        ground: &dyn Ground,
         camera: &Camera,
         drawn_and_true_m: Option<(&[f32], &[f32])>,
     ) {
-        let mesh = list.placed(terrain, camera);
+        let mesh = list.placed(ground, camera);
         self.cracks += list.cracks();
         if let Some((drawn_m, true_m)) = drawn_and_true_m {
             *self.pinholes.get_or_insert_default() += pinholes::count(&mesh, camera, drawn_m, true_m);
         }
-        self.add_uncracked(&mesh, camera);
+        self.add_uncracked(&mesh, ground, camera);
     }
 
-    fn add_uncracked(&mut self, mesh: &Triangles, camera: &Camera) {
+    fn add_uncracked(&mut self, mesh: &Triangles, ground: &dyn Ground, camera: &Camera) {
         self.triangles = self.triangles.max(mesh.corners.len());
-        self.folds += folds(mesh);
+        self.folds += folds(mesh, ground, camera.eye_m);
         self.largest_px = match (self.largest_px, largest_px(mesh, camera)) {
             (Some(a), Some(b)) => Some(a.max(b)),
             (a, b) => a.or(b),

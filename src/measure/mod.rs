@@ -19,7 +19,8 @@ use crate::experiment::MeasureCall;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters;
 use crate::experiment::tree::Node;
-use crate::plan::{BufferId, Chain, Plan, SceneData};
+use crate::plan::{BufferId, Chain, Plan};
+use crate::scene::SceneData;
 
 pub use figures::{Column, Figures, Measured, Picture, Show};
 
@@ -110,7 +111,7 @@ pub struct Seen<'a> {
 
 impl Seen<'_> {
     pub fn camera(&self) -> &Camera {
-        &self.data.cameras[self.frame]
+        &self.data.cameras()[self.frame]
     }
 
     /// The elements of a buffer; none of one that was not asked for.

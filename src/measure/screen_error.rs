@@ -1,7 +1,7 @@
 //! Screen-space error at every pixel: how far, in pixels, the drawn surface point is from the true surface at the
 //! same ground position. The metric of all five papers, against exact ground truth in f64.
 
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -11,10 +11,9 @@ use super::{Column, Figures, Info, Measure, Measured, Picture, Seen, Show, Tally
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::experiment::scene::Surface;
+use crate::ground::{Ground, Ray};
 use crate::plan::product::Drawn;
 use crate::plan::{BufferId, Chain};
-use crate::terrain::HeightField;
 
 pub const INFO: Info = Info {
     name: "ScreenError",
@@ -79,8 +78,7 @@ pub struct Broken {
 
 /// `drawn_m` and `true_m` are distances along each pixel's ray in metres, negative where there is no surface.
 pub fn frame(
-    terrain: &HeightField,
-    surface: Surface,
+    ground: &dyn Ground,
     camera: &Camera,
     drawn_m: &[f32],
     true_m: &[f32],
@@ -94,14 +92,14 @@ pub fn frame(
         }
         let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         let point = camera.eye_m + camera.ray(pixel) * f64::from(drawn);
-        let truth = point.truncate().extend(terrain.surface_m(point.truncate(), surface));
+        let truth = ground.surface_at(point);
         // a true surface behind the eye has no place in the picture: as far off as anything in it can be
         let off_px = camera.pixel(truth).map_or(diagonal_px, |place| place.distance(pixel).min(diagonal_px));
         off_px as f32
     };
     let error_px: Vec<f32> = drawn_m.par_iter().enumerate().map(pixel_error).collect();
     let broken = bound_px.map(|bound_px| {
-        let missed = Missed { terrain, surface, camera };
+        let missed = Missed { ground, camera };
         let pixel = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         let worst = |at: usize| {
             let missed_px = missed.missed_px(pixel(at), drawn_m[at].into(), true_m[at].into());
@@ -119,8 +117,7 @@ pub fn frame(
 
 /// What a picture should have shown and did not.
 struct Missed<'a> {
-    terrain: &'a HeightField,
-    surface: Surface,
+    ground: &'a dyn Ground,
     camera: &'a Camera,
 }
 
@@ -132,61 +129,33 @@ impl Missed<'_> {
         if true_m < 0.0 || drawn_m >= 0.0 && drawn_m <= true_m {
             return 0.0;
         }
-        let ray = self.camera.ray(pixel);
-        let origin = self.terrain.sample_from_world(self.camera.eye_m.truncate());
-        let direction = DVec2::new(ray.x, -ray.y) / self.terrain.cell_m;
-        let last = (self.terrain.size - 1).as_dvec2();
-        let borders = [(DVec2::ZERO - origin) / direction, (last - origin) / direction];
-        let orderly = |t: DVec2, other: f64| t.map(|t| if t.is_nan() { other } else { t });
-        let enter_m = orderly(borders[0].min(borders[1]), 0.0).max_element().max(0.0);
-        let leave_m = orderly(borders[0].max(borders[1]), f64::INFINITY).min_element();
+        let ray = Ray { eye_m: self.camera.eye_m, direction: self.camera.ray(pixel) };
+        let Some((enter_m, leave_m)) = self.ground.stay(&ray) else { return 0.0 };
         let end_m = if drawn_m < 0.0 { leave_m } else { drawn_m.min(leave_m) };
-        if !end_m.is_finite() {
-            return 0.0;
-        }
-        let line = Line { origin, direction, ray };
-        let side = if self.over_m(ray, enter_m) <= 0.0 { 1.0 } else { -1.0 };
-        let passed_px = self.most_px(&line, (true_m, end_m), pixel, side);
+        let side = if self.over_m(&ray, enter_m) <= 0.0 { 1.0 } else { -1.0 };
+        let passed_px = self.most_px(&ray, (true_m, end_m), pixel, side);
         // from outside, a ray can come in on the other side of the mesh than of the surface
-        let beside_px =
-            if enter_m > 0.0 { self.most_px(&line, (enter_m, true_m), pixel, -side) } else { f64::INFINITY };
+        let beside_px = if enter_m > 0.0 { self.most_px(&ray, (enter_m, true_m), pixel, -side) } else { f64::INFINITY };
         passed_px.min(beside_px)
     }
 
     /// Surface above a ray, in metres.
-    fn over_m(&self, ray: DVec3, t: f64) -> f64 {
-        let point = self.camera.eye_m + ray * t;
-        self.terrain.surface_m(point.truncate(), self.surface) - point.z
+    fn over_m(&self, ray: &Ray, t: f64) -> f64 {
+        -self.ground.above_m(ray.at(t))
     }
 
-    /// The most that the surface is over a part of a ray (or, with -1, under it), in pixels.
-    fn most_px(&self, line: &Line, (start_m, end_m): (f64, f64), pixel: DVec2, side: f64) -> f64 {
+    /// The most that the surface is over a part of a ray (or, with -1, under it), in pixels: it is largest where the surface under the ray
+    /// bends.
+    fn most_px(&self, ray: &Ray, (start_m, end_m): (f64, f64), pixel: DVec2, side: f64) -> f64 {
         let over_px = |t: f64| {
-            let over_m = self.over_m(line.ray, t);
-            if side * over_m <= 0.0 {
+            if side * self.over_m(ray, t) <= 0.0 {
                 return 0.0;
             }
-            let place = self.camera.pixel(self.camera.eye_m + line.ray * t + DVec3::Z * over_m);
+            let place = self.camera.pixel(self.ground.surface_at(ray.at(t)));
             place.map_or(f64::INFINITY, |place| place.distance(pixel))
         };
-        let Line { origin, direction, .. } = line;
-        // surface minus ray bends only where the ray crosses columns, rows and diagonals (a patch bends between them, by less)
-        let lines =
-            [(origin.x, direction.x), (origin.y, direction.y), (origin.x + origin.y, direction.x + direction.y)];
-        let crossings = lines.into_iter().flat_map(|(start, speed)| {
-            let (from, to) = (start + speed * start_m, start + speed * end_m);
-            let (low, high) = (from.min(to).ceil() as i64, from.max(to).floor() as i64);
-            (low..=high).map(move |line| (line as f64 - start) / speed).filter(move |t| (start_m..=end_m).contains(t))
-        });
-        crossings.chain([end_m]).map(over_px).fold(0.0, f64::max)
+        self.ground.bends(ray, start_m, end_m).into_iter().chain([end_m]).map(over_px).fold(0.0, f64::max)
     }
-}
-
-/// A ray over the grid of samples: where it starts, how fast it goes there, and its direction in the world.
-struct Line {
-    origin: DVec2,
-    direction: DVec2,
-    ray: DVec3,
 }
 
 /// Errors of all frames of a cell, in constant memory.
@@ -206,8 +175,8 @@ impl Tally for Summary {
         let (Some(truth), Some(drawn)) = (seen.truth, seen.plan.products.latest::<Drawn<BufferId>>()) else { return };
         let drawn_m: Vec<f32> = seen.read(drawn.distance);
         let bound_px = drawn.promise.map(|promise| promise.bound_px);
-        let surface = seen.data.scene.surface;
-        let found = frame(&seen.data.terrain, surface, seen.camera(), &drawn_m, &truth.distance_m, bound_px);
+        let ground = seen.data.ground.as_ref();
+        let found = frame(ground, seen.camera(), &drawn_m, &truth.distance_m, bound_px);
         self.add(&found);
         self.counts.add(&drawn_m, &truth.distance_m);
         if seen.is_pictured() {

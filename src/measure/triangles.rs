@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3, UVec2};
 
 use crate::camera::Camera;
-use crate::terrain::HeightField;
+use crate::ground::Ground;
 
 /// A mesh as it is drawn: three corners a triangle, each with its own position.
 #[derive(Clone, Debug, Default)]
@@ -53,11 +53,11 @@ pub fn cracks(mesh: &Triangles) -> usize {
     edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1 && mesh.border.binary_search(&same[0]).is_err()).count()
 }
 
-/// Triangles whose area on the ground is turned against most of the others.
-pub fn folds(mesh: &Triangles) -> usize {
-    let area = |&[a, b, c]: &[[f32; 3]; 3]| {
-        let side = |p: [f32; 3]| DVec2::new(f64::from(p[0]) - f64::from(a[0]), f64::from(p[1]) - f64::from(a[1]));
-        side(b).perp_dot(side(c))
+/// Triangles that are turned against most of the others, seen from above the ground. `eye_m` is where positions are relative to.
+pub fn folds(mesh: &Triangles, ground: &dyn Ground, eye_m: DVec3) -> usize {
+    let area = |corners: &[[f32; 3]; 3]| {
+        let [a, b, c] = corners.map(|corner| DVec3::from(corner.map(f64::from)));
+        (b - a).cross(c - a).dot(ground.up(a + eye_m))
     };
     let up = mesh.corners.iter().filter(|corners| area(corners) > 0.0).count();
     let down = mesh.corners.iter().filter(|corners| area(corners) < 0.0).count();
@@ -94,12 +94,8 @@ impl Listed {
     }
 
     /// With their positions relative to the eye.
-    pub fn placed(&self, terrain: &HeightField, camera: &Camera) -> Triangles {
-        let place = |sample: UVec2| {
-            let ground = DVec2::new(sample.x.into(), f64::from(terrain.size.y - 1 - sample.y)) * terrain.cell_m;
-            let point = ground.extend(terrain.height_m(sample.x, sample.y).into()) - camera.eye_m;
-            point.as_vec3().to_array()
-        };
+    pub fn placed(&self, ground: &dyn Ground, camera: &Camera) -> Triangles {
+        let place = |sample: UVec2| (ground.sample_m(sample) - camera.eye_m).as_vec3().to_array();
         let corners = self.corners.iter().map(|corners| corners.map(place)).collect();
         Triangles { corners, border: Vec::new() }
     }
@@ -145,17 +141,27 @@ impl Listed {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
+    use crate::experiment::scene::Surface;
+    use crate::ground::Samples;
+    use crate::terrain::HeightField;
 
     /// A grid of 3 x 3 vertices a metre apart.
     fn grid(moved: impl Fn(usize, [f32; 4]) -> [f32; 4]) -> Vec<[f32; 4]> {
         (0..9).map(|at| moved(at, [(at % 3) as f32, -((at / 3) as f32), 0.0, 0.0])).collect()
     }
 
+    fn flat_folds(mesh: &Triangles) -> usize {
+        let field = HeightField { size: UVec2::splat(2), cell_m: DVec2::ONE, heights_m: vec![0.0; 4] };
+        folds(mesh, &Samples::new(Arc::new(field), Surface::Triangles), DVec3::ZERO)
+    }
+
     #[test]
     fn a_crack_is_an_edge_whose_ends_differ() {
         let whole = grid_triangles(&grid(|_, vertex| vertex), 3);
-        assert_eq!((whole.corners.len(), cracks(&whole), folds(&whole)), (8, 0, 0));
+        assert_eq!((whole.corners.len(), cracks(&whole), flat_folds(&whole)), (8, 0, 0));
         // a corner of one triangle is moved by the last bit of a coordinate: its two inner edges have no partner, nor have their partners
         let mut torn = whole.clone();
         torn.corners[1][1][2] = f32::from_bits(1);
@@ -171,6 +177,6 @@ mod tests {
         // the vertex in the middle goes past its neighbour to the east
         let folded =
             grid_triangles(&grid(|at, [x, y, z, w]| if at == 4 { [x + 1.5, y, z, w] } else { [x, y, z, w] }), 3);
-        assert!(folds(&folded) >= 2, "{}", folds(&folded));
+        assert!(flat_folds(&folded) >= 2, "{}", flat_folds(&folded));
     }
 }

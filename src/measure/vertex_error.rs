@@ -11,10 +11,9 @@ use super::{Figures, Info, Measure, Measured, Seen, Tally, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::experiment::scene::Surface;
+use crate::ground::Ground;
 use crate::plan::product::Mesh;
 use crate::plan::{BufferId, Chain};
-use crate::terrain::HeightField;
 
 pub const INFO: Info = Info {
     name: "VertexError",
@@ -52,15 +51,14 @@ struct Sums {
 
 impl Sums {
     /// `vertex` is relative to the eye, in metres.
-    fn add(&mut self, terrain: &HeightField, surface: Surface, camera: &Camera, vertex: DVec3) {
+    fn add(&mut self, ground: &dyn Ground, camera: &Camera, vertex: DVec3) {
         self.vertices += 1;
         let point = vertex + camera.eye_m;
-        let ground = point.truncate();
-        let is_on_terrain = ground.cmpge(DVec2::ZERO).all() && ground.cmple(terrain.extent_m()).all();
+        let is_on_ground = ground.margin_m(point) >= 0.0;
         let size = DVec2::new(camera.viewport.0.into(), camera.viewport.1.into());
         let in_picture = |pixel: &DVec2| pixel.cmpge(DVec2::ZERO).all() && pixel.cmple(size).all();
-        let Some(pixel) = camera.pixel(point).filter(in_picture).filter(|_| is_on_terrain) else { return };
-        let truth = ground.extend(terrain.surface_m(ground, surface));
+        let Some(pixel) = camera.pixel(point).filter(in_picture).filter(|_| is_on_ground) else { return };
+        let truth = ground.surface_at(point);
         // a surface behind the eye is as far off as anything in the picture can be
         let error_px = camera.pixel(truth).map_or(size.length(), |place| place.distance(pixel).min(size.length()));
         self.seen += 1;
@@ -72,21 +70,21 @@ impl Sums {
 
 impl Tally for Sums {
     fn frame(&mut self, seen: &Seen) {
-        let (terrain, surface, camera) = (&seen.data.terrain, seen.data.scene.surface, seen.camera());
+        let (ground, camera) = (seen.data.ground.as_ref(), seen.camera());
         match Subject::of(&seen.plan.products).mesh {
             None => {}
             Some(Mesh::Grid(grid)) => {
                 let vertices: Vec<[f32; 4]> = seen.read(grid.vertex);
                 for [x, y, z, _] in vertices {
-                    self.add(terrain, surface, camera, DVec3::new(x.into(), y.into(), z.into()));
+                    self.add(ground, camera, DVec3::new(x.into(), y.into(), z.into()));
                 }
             }
             Some(Mesh::List(list)) => {
                 // corners are samples; one that several triangles share counts for each of them
                 let corners = seen.read::<u32>(list.count).first().copied().unwrap_or(0);
-                let placed = Listed::new(&seen.read(list.triangle), corners).placed(terrain, camera);
+                let placed = Listed::new(&seen.read(list.triangle), corners).placed(ground, camera);
                 for corner in placed.corners.iter().flatten() {
-                    self.add(terrain, surface, camera, DVec3::from(corner.map(f64::from)));
+                    self.add(ground, camera, DVec3::from(corner.map(f64::from)));
                 }
             }
         }
@@ -107,27 +105,32 @@ impl Tally for Sums {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::experiment::diagnostic::Source;
     use crate::experiment::scene::Scene;
     use crate::experiment::tree::Node;
+    use crate::ground::Samples;
+    use crate::terrain::HeightField;
 
     #[test]
     fn a_vertex_is_off_by_what_it_is_raised() {
         let scene = "(terrain: Shape(kind: Flat, size: (33, 33), cell_m: 10, height_m: (50, 50)), camera: Still(eye: (160, 0, 50)), \
                      viewport: (200, 100), fov_deg: 90)";
         let scene: Scene = Node::read(&Source::new("test", scene)).unwrap().parse().unwrap();
-        let terrain = HeightField::load(&scene.terrain, "".as_ref()).unwrap();
+        let field = HeightField::load(&scene.terrain, "".as_ref()).unwrap();
+        let ground = Samples::new(Arc::new(field), scene.surface);
         let camera = Camera::looking_at(DVec3::new(160.0, 0.0, 50.0), DVec3::new(160.0, 100.0, 50.0), &scene);
         let mut sums = Sums::default();
         // 100 m away, half of 100 rows are 100 m: half a pixel a metre
-        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(0.0, 100.0, 0.0));
+        sums.add(&ground, &camera, DVec3::new(0.0, 100.0, 0.0));
         assert!(sums.largest_px < 1e-9);
-        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(0.0, 100.0, 6.0));
+        sums.add(&ground, &camera, DVec3::new(0.0, 100.0, 6.0));
         assert!((sums.largest_px - 3.0).abs() < 1e-9, "{}", sums.largest_px);
         // behind the eye, beside the terrain
-        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(0.0, -100.0, 0.0));
-        sums.add(&terrain, Surface::Triangles, &camera, DVec3::new(500.0, 1000.0, 0.0));
+        sums.add(&ground, &camera, DVec3::new(0.0, -100.0, 0.0));
+        sums.add(&ground, &camera, DVec3::new(500.0, 1000.0, 0.0));
         assert_eq!((sums.vertices, sums.seen), (4, 2));
     }
 }

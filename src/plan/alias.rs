@@ -1,16 +1,23 @@
 //! Memory: buffers made every frame share blocks where their lifetimes allow it.
 
-use super::{LeftOut, Often, Plan, Storage, prune};
+use std::collections::BTreeSet;
+
+use super::{BufferId, LeftOut, Life, Often, Plan, Storage, prune};
 
 /// Gives every buffer that is touched its lifetime, and transient ones a slot. First fit in order of birth;
 /// a slot is as large as its largest tenant.
 pub fn assign(plan: &mut Plan, keep_everything: bool) {
     let lifetimes = prune::touched(plan);
+    let reused: BTreeSet<usize> = plan.reused.values().flat_map(|steps| steps.iter().copied()).collect();
+    let outlives = |id: BufferId| reused.iter().any(|&step| plan.steps[step].writes.contains(&id));
+    // a frame that leaves a step out finds what an earlier one left
+    let outlives: Vec<bool> = (0..plan.buffers.len()).map(|at| outlives(BufferId(at))).collect();
     let mut order: Vec<usize> = Vec::new();
     for (index, lifetime) in lifetimes.into_iter().enumerate() {
         let buffer = &mut plan.buffers[index];
         buffer.lifetime = lifetime;
-        let shares = buffer.often == Often::EveryFrame && buffer.storage == Storage::Buffer && !buffer.lasts;
+        let is_transient = buffer.often == Often::EveryFrame && buffer.life == Life::Frame && !outlives[index];
+        let shares = is_transient && buffer.storage == Storage::Buffer;
         if lifetime.is_some() && shares {
             order.push(index);
         }

@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use glam::UVec2;
 
+use super::history::Awaited;
 use super::product::{Product, Products};
 use super::{
-    Buffer, BufferId, Capacities, Guard, LeftOut, Often, Packing, Plan, SceneData, Step, StepBuilder, Storage, Work,
+    Buffer, BufferId, Capacities, Guard, How, LeftOut, Life, Often, Plan, Run, Step, StepBuilder, Storage, Work,
 };
 use crate::experiment::diagnostic::{Diagnostic, Origin};
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::{Elem, Kernel, Packing};
+use crate::scene::{HEIGHT, SceneData};
 
 /// What is known of the stages besides what they have stated so far, for messages.
 #[derive(Clone, Default)]
@@ -32,8 +34,12 @@ pub struct Chain<'a> {
     products: Products<BufferId>,
     guards: Vec<Guard>,
     capacities: Capacities,
-    stage: String,
-    stage_index: usize,
+    /// The samples that the ground is made of, from here on.
+    pub(super) ground: BufferId,
+    /// Buffers of the frame before, by name, that a later stage has yet to make.
+    pub(super) awaited: Vec<Awaited>,
+    pub(super) stage: String,
+    pub(super) stage_index: usize,
     pub(super) origin: Origin,
     /// What stands at the origin: a stage, or a measure.
     whose: &'static str,
@@ -42,19 +48,24 @@ pub struct Chain<'a> {
 
 impl<'a> Chain<'a> {
     pub fn new(name: &str, data: &'a SceneData, origin: &Origin) -> Self {
-        let size = data.terrain.size;
-        let meaning = "height samples, row 0 is north";
-        let height =
-            Buffer { storage: Storage::Input, ..Buffer::new("height", Elem::F32, &[size.y, size.x], "m", meaning) };
+        let input = |input: &crate::scene::Input| Buffer {
+            storage: Storage::Input,
+            packing: input.packing,
+            ..Buffer::new(input.name, input.elem, &[input.size.y, input.size.x], input.unit, input.meaning)
+        };
+        let buffers: Vec<Buffer> = data.inputs.iter().map(input).collect();
+        let ground = BufferId(buffers.iter().position(|buffer| buffer.name == HEIGHT).unwrap_or(0));
         Self {
             data,
             name: name.into(),
-            buffers: vec![height],
+            buffers,
             steps: Vec::new(),
             left_out: Vec::new(),
             products: Products::default(),
             guards: Vec::new(),
             capacities: Capacities::new(),
+            ground,
+            awaited: Vec::new(),
             stage: String::new(),
             stage_index: 0,
             origin: origin.clone(),
@@ -93,7 +104,7 @@ impl<'a> Chain<'a> {
         self.buffers.iter().rposition(|buffer| buffer.name == name).map(BufferId)
     }
 
-    /// A buffer that a stage before this one made, or the terrain's `height`.
+    /// A buffer that a stage before this one made, or an input of the scene.
     pub fn read(&self, name: &str) -> Result<BufferId, Diagnostic> {
         self.find(name).ok_or_else(|| {
             let message = format!("`{}` needs the buffer `{name}`, which no stage before it makes", self.stage);
@@ -108,6 +119,11 @@ impl<'a> Chain<'a> {
     /// The latest product of a kind that a stage before this one offered.
     pub fn latest<P: Product<BufferId>>(&self) -> Result<P, Diagnostic> {
         self.products.latest().ok_or_else(|| self.missing::<P>())
+    }
+
+    /// A message about this stage: "`Stage` .."
+    pub(super) fn refusal(&self, what: &str) -> Diagnostic {
+        Diagnostic::input(format!("`{}` {what}", self.stage)).at(&self.origin, self.whose)
     }
 
     /// The message for a product that nobody offered.
@@ -154,10 +170,11 @@ impl<'a> Chain<'a> {
 
     /// Refuses a buffer that a user's kernel writes: kernels that run without bounds checks rely on what is in it.
     pub fn check_own(&self, id: BufferId) -> Result<(), Diagnostic> {
-        let is_foreign = |step: &&Step| !step.kernel.trusted && step.writes.contains(&id);
-        match self.steps.iter().find(is_foreign) {
+        let runs = self.steps.iter().filter_map(|step| step.run().map(|run| (step, run)));
+        let is_foreign = |(step, run): &(&Step, &Run)| !run.kernel.trusted && step.writes.contains(&id);
+        match runs.into_iter().find(is_foreign) {
             None => Ok(()),
-            Some(step) => Err(Diagnostic::input(format!(
+            Some((_, step)) => Err(Diagnostic::input(format!(
                 "`{}` relies on what is in `{}`, which `{}` writes",
                 self.stage,
                 self.buffer(id).name,
@@ -199,20 +216,6 @@ impl<'a> Chain<'a> {
     pub fn make(&mut self, name: &str, elem: Elem, dims: &[u32], unit: &'static str, meaning: &str) -> BufferId {
         self.buffers.push(Buffer::new(name, elem, dims, unit, meaning));
         BufferId(self.buffers.len() - 1)
-    }
-
-    /// A buffer with memory of its own: its contents survive the frame, for the next frame or for the host to look at. Zeros at first.
-    pub fn make_lasting(
-        &mut self,
-        name: &str,
-        elem: Elem,
-        dims: &[u32],
-        unit: &'static str,
-        meaning: &str,
-    ) -> BufferId {
-        let id = self.make(name, elem, dims, unit, meaning);
-        self.buffers[id.0].lasts = true;
-        id
     }
 
     /// Lists that overflowed before this plan was made.
@@ -270,28 +273,38 @@ impl<'a> Chain<'a> {
             stage: self.stage.clone(),
             stage_index: self.stage_index,
             label: label.into(),
+            work: Work::Copy { from: BufferId(0), to: BufferId(0) },
+            often: Often::EveryFrame,
+            writes: Vec::new(),
+            reads: Vec::new(),
+        };
+        let run = Run {
             kernel: kernel.clone(),
             entry: entry.into(),
             bindings: Vec::new(),
             optional: Vec::new(),
             unused: Vec::new(),
             params: Vec::new(),
+            blocks: Vec::new(),
             constants: Vec::new(),
-            work: Work::Groups([1; 3]),
-            often: Often::EveryFrame,
-            writes: Vec::new(),
-            reads: Vec::new(),
+            how: How::Groups([1; 3]),
         };
-        StepBuilder::new(self, step)
+        StepBuilder::new(self, step, run)
     }
 
     /// The buffers that stages make, in order; of several with one name, the last.
     pub fn made(&self) -> Vec<BufferId> {
         let is_made = |id: &BufferId| {
             let buffer = self.buffer(*id);
-            buffer.storage != Storage::Input && self.find(&buffer.name) == Some(*id)
+            let is_new = buffer.storage != Storage::Input && !matches!(buffer.life, Life::LastOf(_));
+            is_new && self.find(&buffer.name) == Some(*id)
         };
         (0..self.buffers.len()).map(BufferId).filter(is_made).collect()
+    }
+
+    /// The steps so far.
+    pub fn steps(&self) -> &[Step] {
+        &self.steps
     }
 
     /// The buffers that the last step writes: what the chain is for.
@@ -307,7 +320,9 @@ impl<'a> Chain<'a> {
             left_out: self.left_out,
             slots: Vec::new(),
             outputs: Vec::new(),
-            frames: self.data.cameras.len(),
+            frames: self.data.cameras().len(),
+            sees_underside: self.data.sees_underside,
+            reused: Default::default(),
             products: self.products,
             guards: self.guards,
         }

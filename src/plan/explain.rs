@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::{Buffer, Often, Plan, Step, Storage, Vertices, Work};
+use super::ground::GROUND_CONSTANT;
+use super::{Buffer, BufferId, How, Life, Often, Plan, Run, Storage, Vertices, Work};
 
 /// What runs, on what, and what was left out and why.
 pub fn explain(plan: &Plan) -> String {
@@ -21,14 +22,11 @@ fn write_plan(plan: &Plan, out: &mut String) -> std::fmt::Result {
         }
         for step in steps {
             let work = match &step.work {
-                Work::Groups([x, y, z]) => format!("{x} x {y} x {z} workgroups"),
-                Work::Indirect(id) => format!("workgroups from `{}`", plan.buffer(*id).name),
-                Work::Draw { vertices: Vertices::Strip { triangles, .. }, .. } => format!("{triangles} triangles"),
-                Work::Draw { vertices: Vertices::List(id), .. } => {
-                    format!("triangles from `{}`", plan.buffer(*id).name)
-                }
+                Work::Run(run) => format!("{}{}", how(plan, run), constants(run)),
+                Work::Upload(id) => uploaded(plan, *id),
+                Work::Copy { from, .. } => format!("keeps `{}` as it is here", plan.buffer(*from).name),
             };
-            writeln!(out, "    {:<14} {:<22} {work}{}", step.stage, step.label, constants(step))?;
+            writeln!(out, "    {:<14} {:<22} {work}", step.stage, step.label)?;
         }
     }
     writeln!(out, "  buffers:")?;
@@ -49,20 +47,39 @@ fn write_plan(plan: &Plan, out: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
+fn how(plan: &Plan, run: &Run) -> String {
+    match &run.how {
+        How::Groups([x, y, z]) => format!("{x} x {y} x {z} workgroups"),
+        How::Indirect(id) => format!("workgroups from `{}`", plan.buffer(*id).name),
+        How::Draw { vertices: Vertices::Strip { triangles, .. }, .. } => format!("{triangles} triangles"),
+        How::Draw { vertices: Vertices::List(id), .. } => format!("triangles from `{}`", plan.buffer(*id).name),
+    }
+}
+
+/// The bytes of an input, in each form in which kernels bind it.
+fn uploaded(plan: &Plan, id: BufferId) -> String {
+    let (is_array, is_image) = plan.bound_as(id);
+    let forms = [(is_array, "array"), (is_image, "image")].into_iter().filter(|(is_bound, _)| *is_bound);
+    let bytes = megabytes(plan.buffer(id).bytes());
+    forms.map(|(_, form)| format!("{bytes} as {form}")).collect::<Vec<_>>().join(", ")
+}
+
 /// The variant of the kernel that runs.
-fn constants(step: &Step) -> String {
-    let known = step.constants.iter().filter(|(name, _)| step.kernel.overrides.contains(name));
-    let shown: Vec<String> = known.map(|(name, value)| format!("{name}={value}")).collect();
+fn constants(run: &Run) -> String {
+    let own = run.constants().filter(|(name, _)| !name.starts_with(GROUND_CONSTANT));
+    let shown: Vec<String> = own.map(|(name, value)| format!("{name}={value}")).collect();
     if shown.is_empty() { String::new() } else { format!(" [{}]", shown.join(" ")) }
 }
 
 fn describe(buffer: &Buffer) -> String {
     let dims: Vec<String> = buffer.dims.iter().map(u32::to_string).collect();
-    let place = match (buffer.storage, buffer.slot) {
-        (Storage::Input, _) => "uploaded".to_string(),
-        (Storage::Target, _) => "render target".to_string(),
-        (_, Some(slot)) => format!("block {slot}"),
-        (_, None) => "own memory".to_string(),
+    let place = match (buffer.storage, buffer.slot, buffer.life) {
+        (Storage::Input, ..) => "uploaded".to_string(),
+        (Storage::Target, ..) => "render target".to_string(),
+        (.., Life::Kept) => "kept for the next frame".to_string(),
+        (.., Life::Next | Life::LastOf(_)) => "half of a pair".to_string(),
+        (_, Some(slot), _) => format!("block {slot}"),
+        (_, None, _) => "own memory".to_string(),
     };
     let lives = buffer.lifetime.map_or(String::new(), |(first, last)| format!("steps {first}..{last}"));
     format!(

@@ -7,20 +7,28 @@ use std::collections::BTreeMap;
 use blake3::Hasher;
 
 use super::product::Drawn;
-use super::{BufferId, Packing, Plan, Series, Step, Storage, Value, Vertices, Work};
+use super::{BufferId, How, Life, Plan, Run, Step, Storage, Vertices, Work};
+use crate::frame::{Block, FrameInput};
+use crate::kernel::{Packing, Value};
+use crate::scene::{SceneData, Views};
 
 impl Plan {
-    /// Kernel texts, entry points, constants, parameters of every frame, sizes, and what is read back, in 32 hexadecimal digits.
-    pub fn fingerprint(&self) -> String {
+    /// Kernel texts, entry points, constants, cameras and parameters, sizes, and what is read back, in 32 hexadecimal digits.
+    pub fn fingerprint(&self, data: &SceneData) -> String {
         let mut digest = Digest { hasher: Hasher::new(), numbers: BTreeMap::new() };
         digest.plan(self);
+        digest.frames(self, data);
         digest.hasher.finalize().to_hex().as_str()[..32].to_string()
     }
 
     /// The kernel files that run and the hash of each text, sorted.
     pub fn kernels(&self) -> Vec<(String, String)> {
-        let mut kernels: Vec<(String, String)> =
-            self.steps.iter().map(|step| (step.kernel.name.clone(), step.kernel.hash.clone())).collect();
+        let mut kernels: Vec<(String, String)> = self
+            .steps
+            .iter()
+            .filter_map(Step::run)
+            .map(|run| (run.kernel.name.clone(), run.kernel.hash.clone()))
+            .collect();
         kernels.sort();
         kernels.dedup();
         kernels
@@ -90,34 +98,61 @@ impl Digest {
             Storage::Buffer => 1,
             Storage::Target => 2,
         });
-        self.number(buffer.lasts.into());
+        match buffer.life {
+            Life::Frame | Life::Host => self.number(0),
+            Life::Kept => self.number(1),
+            Life::Next => self.number(2),
+            Life::LastOf(next) => {
+                self.number(3);
+                self.buffer(plan, next);
+            }
+        }
         self.number(buffer.slot.map_or(0, |slot| slot as u64 + 1));
     }
 
     fn step(&mut self, plan: &Plan, step: &Step) {
-        self.text(&step.kernel.hash);
-        self.number(step.kernel.trusted.into());
-        self.text(&step.entry);
         self.number(step.often as u64);
-        self.number(step.bindings.len() as u64);
-        for (variable, id) in &step.bindings {
+        match &step.work {
+            Work::Run(run) => self.run(plan, run),
+            Work::Upload(id) => {
+                self.text(&plan.buffer(*id).name);
+                self.buffer(plan, *id);
+            }
+            Work::Copy { from, to } => {
+                self.buffer(plan, *from);
+                self.buffer(plan, *to);
+            }
+        }
+    }
+
+    fn run(&mut self, plan: &Plan, run: &Run) {
+        self.text(&run.kernel.hash);
+        self.number(run.kernel.trusted.into());
+        self.text(&run.entry);
+        self.number(run.bindings.len() as u64);
+        for (variable, id) in &run.bindings {
             self.text(variable);
             self.buffer(plan, *id);
         }
-        self.number(step.constants.len() as u64);
-        for (name, value) in &step.constants {
+        self.number(run.constants.len() as u64);
+        for (name, value) in &run.constants {
             self.text(name);
             self.number(value.to_bits());
         }
-        self.number(step.params.len() as u64);
-        for (name, series) in &step.params {
+        self.number(run.params.len() as u64);
+        for (name, value) in &run.params {
             self.text(name);
-            self.series(series);
+            self.value(value);
         }
-        match &step.work {
-            Work::Groups(groups) => groups.iter().for_each(|&count| self.number(count.into())),
-            Work::Indirect(id) => self.buffer(plan, *id),
-            Work::Draw { vertices, target, fragment } => {
+        self.number(run.blocks.len() as u64);
+        for (prefix, block) in &run.blocks {
+            self.text(prefix);
+            self.text(block.name);
+        }
+        match &run.how {
+            How::Groups(groups) => groups.iter().for_each(|&count| self.number(count.into())),
+            How::Indirect(id) => self.buffer(plan, *id),
+            How::Draw { vertices, target, fragment } => {
                 self.text(fragment);
                 self.buffer(plan, *target);
                 match vertices {
@@ -128,19 +163,33 @@ impl Digest {
         }
     }
 
-    fn series(&mut self, series: &Series) {
-        let values = match series {
-            Series::Same(value) => std::slice::from_ref(value),
-            Series::PerFrame(values) => values,
+    fn value(&mut self, value: &Value) {
+        // the type is the kernel's own, of which the text is hashed
+        self.hasher.update(bytemuck::cast_slice(value.words()));
+    }
+
+    /// The cameras of all frames, and what the blocks make of some of them: that is code, which does not change in one frame alone.
+    fn frames(&mut self, plan: &Plan, data: &SceneData) {
+        let Views::Path(path) = &data.views else { return self.number(0) };
+        self.text(&data.fingerprint());
+        self.number(plan.reused.len() as u64);
+        for (frame, steps) in &plan.reused {
+            self.number(*frame as u64);
+            steps.iter().for_each(|&step| self.number(step as u64));
+        }
+        let used = |block: &&'static Block| {
+            let uses = |run: &Run| run.blocks.iter().any(|(_, own)| own == block);
+            plan.steps.iter().filter_map(Step::run).any(uses)
         };
-        self.number(values.len() as u64);
-        for value in values {
-            // the type is the kernel's own, of which the text is hashed
-            match value {
-                Value::F32(numbers) => self.hasher.update(bytemuck::cast_slice(numbers)),
-                Value::U32(numbers) => self.hasher.update(bytemuck::cast_slice(numbers)),
-                Value::I32(numbers) => self.hasher.update(bytemuck::cast_slice(numbers)),
-            };
+        let blocks: Vec<&Block> = crate::frame::BLOCKS.iter().filter(used).collect();
+        let frames = path.cameras.len();
+        for at in 0..frames.min(MOST_FRAMES) {
+            let frame = at * frames / frames.min(MOST_FRAMES);
+            let Some(input) = FrameInput::of_path(data, frame) else { continue };
+            blocks.iter().flat_map(|block| block.values(&input)).for_each(|value| self.value(&value));
         }
     }
 }
+
+/// Frames of which the values of blocks are hashed, evenly over the path.
+const MOST_FRAMES: usize = 64;

@@ -7,21 +7,26 @@ mod alias;
 pub mod chain;
 mod explain;
 mod fingerprint;
+mod ground;
+mod history;
 pub mod product;
 mod prune;
-mod scene;
+mod reuse;
 mod step;
+mod tap;
+mod work;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::kernel::{BindingKind, Elem, Kernel};
+use crate::kernel::{BindingKind, Elem, Packing};
 use product::Products;
 
 pub use chain::{Announced, Chain};
 pub use explain::{explain, megabytes};
-pub use scene::{Part, SceneData};
 pub use step::StepBuilder;
+pub use work::{Guard, How, Run, Step, Vertices, Work};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BufferId(pub usize);
@@ -36,7 +41,7 @@ pub enum Often {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Storage {
-    /// Uploaded before anything runs: the terrain.
+    /// Uploaded before anything runs: an input of the scene by this name.
     Input,
     /// A storage buffer that a step writes.
     Buffer,
@@ -62,21 +67,39 @@ pub struct Buffer {
     pub lifetime: Option<(usize, usize)>,
     /// Which block of transient memory it lives in; only buffers made every frame share memory.
     pub slot: Option<usize>,
-    /// Shares no memory: its contents survive the frame, for the next frame or for the host to look at.
-    pub lasts: bool,
+    pub life: Life,
     /// What is in one element.
     pub packing: Packing,
 }
 
-/// Several values in one element.
+/// How long the contents of a buffer count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Packing {
-    /// As many values as the element has components.
-    None,
-    /// Four bytes in a u32, the lowest first.
-    Bytes,
-    /// Two f16 in a u32, the lower first.
-    Halves,
+pub enum Life {
+    /// Until the frame is over.
+    Frame,
+    /// For the host, which looks at them between frames.
+    Host,
+    /// For the next frame, which changes them in place. Zeros after a reset.
+    Kept,
+    /// The new half of a pair: in the next frame, they are what the old half holds.
+    Next,
+    /// The old half of a pair: what this buffer held in the frame before. Zeros after a reset. It may be written to, and what is written is
+    /// gone with the frame.
+    LastOf(BufferId),
+}
+
+impl Life {
+    /// The next frame depends on them.
+    pub fn is_history(self) -> bool {
+        matches!(self, Life::Kept | Life::Next | Life::LastOf(_))
+    }
+}
+
+/// A buffer that a frame writes, and what the frame before wrote there. The planner swaps the two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct History {
+    pub last: BufferId,
+    pub next: BufferId,
 }
 
 impl Buffer {
@@ -94,36 +117,28 @@ impl Buffer {
             often: Often::EveryFrame,
             lifetime: None,
             slot: None,
-            lasts: false,
+            life: Life::Frame,
             packing: Packing::None,
         }
     }
 
     /// Values in one element.
     pub fn components(&self) -> u32 {
-        match self.packing {
-            Packing::None => self.elem.components(),
-            Packing::Bytes => 4,
-            Packing::Halves => 2,
-        }
+        self.packing.components(self.elem)
     }
 
     /// The values in the bytes of a buffer, unpacked; NaN where there is no surface.
     pub fn values(&self, bytes: &[u8]) -> Vec<f64> {
-        let numbers = || bytemuck::pod_collect_to_vec::<u8, u32>(bytes).into_iter();
-        match (self.packing, self.elem) {
-            (Packing::Bytes, _) => bytes.iter().map(|&byte| byte.into()).collect(),
-            (Packing::Halves, _) => bytemuck::pod_collect_to_vec::<u8, u16>(bytes)
-                .into_iter()
-                .map(|bits| half::f16::from_bits(bits).into())
-                .collect(),
-            (_, elem) if elem.is_float() => numbers()
-                .map(|bits| f64::from(f32::from_bits(bits)))
-                .map(|value| if self.missing.is_some() && value < 0.0 { f64::NAN } else { value })
-                .collect(),
-            (_, Elem::I32) => numbers().map(|bits| f64::from(bits as i32)).collect(),
-            _ => numbers().map(f64::from).collect(),
+        let mut values = self.elem.values(self.packing, bytes);
+        if self.missing.is_some() {
+            values.iter_mut().filter(|value| **value < 0.0).for_each(|value| *value = f64::NAN);
         }
+        values
+    }
+
+    /// It is uploaded, and something reads it.
+    pub fn is_input(&self) -> bool {
+        self.storage == Storage::Input && self.lifetime.is_some()
     }
 
     pub fn elements(&self) -> u64 {
@@ -135,124 +150,8 @@ impl Buffer {
     }
 }
 
-/// The value of one parameter.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Value {
-    F32(Vec<f32>),
-    U32(Vec<u32>),
-    I32(Vec<i32>),
-}
-
-/// A parameter over the frames.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Series {
-    Same(Value),
-    /// One value a frame.
-    PerFrame(Vec<Value>),
-}
-
-impl Series {
-    pub fn at(&self, frame: usize) -> &Value {
-        match self {
-            Series::Same(value) => value,
-            Series::PerFrame(values) => &values[frame],
-        }
-    }
-}
-
-#[derive(Clone, Debug)]
-pub enum Work {
-    /// Compute, this many workgroups.
-    Groups([u32; 3]),
-    /// Compute, with the number of workgroups in a buffer of three u32.
-    Indirect(BufferId),
-    /// Triangles of vertices that the vertex shader pulls from buffers.
-    Draw { vertices: Vertices, target: BufferId, fragment: String },
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Vertices {
-    /// One strip of so many, in which so many triangles have an area.
-    Strip { vertices: u32, triangles: u32 },
-    /// Three a triangle, as many as the first of four u32 in a buffer says: vertices, instances, first vertex, first instance.
-    List(BufferId),
-}
-
-impl Work {
-    /// What a draw's pipeline depends on: strip or list, the target, the fragment shader.
-    pub fn drawn(&self) -> Option<(bool, BufferId, &str)> {
-        match self {
-            Work::Draw { vertices, target, fragment } => {
-                Some((matches!(vertices, Vertices::Strip { .. }), *target, fragment))
-            }
-            _ => None,
-        }
-    }
-}
-
-/// A list whose length only the GPU knows, and where it says how long it wanted to be. Checked between frames.
-#[derive(Clone, Debug)]
-pub struct Guard {
-    pub list: String,
-    pub capacity: u32,
-    pub needed: BufferId,
-    /// Which u32 of the buffer.
-    pub at: usize,
-}
-
 /// Lists that were made longer than their stages asked for, after they overflowed.
 pub type Capacities = std::collections::BTreeMap<String, u32>;
-
-/// One dispatch or one draw.
-#[derive(Clone, Debug)]
-pub struct Step {
-    /// Name of the stage it belongs to, and its place in the chain.
-    pub stage: String,
-    pub stage_index: usize,
-    pub label: String,
-    pub kernel: Arc<Kernel>,
-    pub entry: String,
-    pub bindings: Vec<(String, BufferId)>,
-    /// Outputs that are only written if somebody wants them: variable, buffer, override constant.
-    pub optional: Vec<(String, BufferId, String)>,
-    /// Variables that an `override` keeps the kernel from using: they need no buffer.
-    pub unused: Vec<String>,
-    pub params: Vec<(String, Series)>,
-    pub constants: Vec<(String, f64)>,
-    pub work: Work,
-    pub often: Often,
-    /// The buffers it writes, found by reflection.
-    pub writes: Vec<BufferId>,
-    pub reads: Vec<BufferId>,
-}
-
-impl Step {
-    pub fn is_per_frame(&self) -> bool {
-        self.params.iter().any(|(_, series)| matches!(series, Series::PerFrame(_)))
-    }
-
-    /// Bytes of its parameters, for every frame if they change.
-    pub fn parameter_bytes(&self, frames: usize) -> u64 {
-        let bindings = self.kernel.entry(&self.entry).map_or(&[][..], |entry| &entry.bindings);
-        let structure = bindings.iter().find_map(|binding| match &binding.kind {
-            BindingKind::Params(structure) => Some(u64::from(structure.bytes)),
-            _ => None,
-        });
-        structure.unwrap_or(0) * if self.is_per_frame() { frames as u64 } else { 1 }
-    }
-
-    /// Threads started, for what leaving the step out saves.
-    pub fn threads(&self) -> u64 {
-        match self.work {
-            Work::Groups(groups) => {
-                let size = self.kernel.entry(&self.entry).map_or([1; 3], |entry| entry.workgroup_size);
-                groups.iter().zip(size).map(|(&groups, size)| u64::from(groups) * u64::from(size)).product()
-            }
-            Work::Draw { vertices: Vertices::Strip { vertices, .. }, .. } => vertices.into(),
-            Work::Indirect(_) | Work::Draw { vertices: Vertices::List(_), .. } => 0,
-        }
-    }
-}
 
 /// Something the scene or the measures do not need.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -274,7 +173,12 @@ pub struct Plan {
     pub slots: Vec<u64>,
     /// What is read back, in the order it was asked for.
     pub outputs: Vec<BufferId>,
+    /// Frames of the path; none if any camera may come.
     pub frames: usize,
+    /// It does for a camera that sees the surface from below.
+    pub sees_underside: bool,
+    /// Steps that a frame leaves out, because everything that they depend on is as in the frame before.
+    pub reused: BTreeMap<usize, Arc<[usize]>>,
     /// What the stages offer to the measures.
     pub products: Products<BufferId>,
     pub guards: Vec<Guard>,
@@ -287,11 +191,14 @@ pub struct Demand {
     pub outputs: Vec<BufferId>,
     /// Run everything, needed or not: the yardstick that shows leaving things out changes nothing.
     pub keep_everything: bool,
+    /// A step whose inputs are those of the frame before is not run again.
+    pub reuse: bool,
 }
 
 impl Plan {
     /// Plans a chain whose stages have stated their steps.
     pub fn finish(chain: Chain<'_>, demand: &Demand) -> Plan {
+        let data = chain.data;
         let mut plan = chain.into_draft();
         for &id in &demand.outputs {
             if !plan.outputs.contains(&id) {
@@ -303,6 +210,10 @@ impl Plan {
             prune::prune(&mut plan);
         }
         prune::resolve_optional(&mut plan, demand.keep_everything);
+        plan.add_uploads();
+        if demand.reuse {
+            reuse::find(&mut plan, data);
+        }
         alias::assign(&mut plan, demand.keep_everything);
         // what is left out has no list to overflow
         let guards = std::mem::take(&mut plan.guards);
@@ -310,10 +221,34 @@ impl Plan {
         plan
     }
 
+    /// The first steps are those that bring in what the others read.
+    fn add_uploads(&mut self) {
+        let is_touched = |id: &BufferId| {
+            self.outputs.contains(id) || self.steps.iter().any(|step| step.reads.contains(id) || step.binds(*id))
+        };
+        let inputs = (0..self.buffers.len()).map(BufferId).filter(|id| self.buffer(*id).storage == Storage::Input);
+        let (touched, untouched): (Vec<BufferId>, Vec<BufferId>) = inputs.partition(is_touched);
+        for id in untouched {
+            let (what, saved_bytes) = (format!("scene: upload {}", self.buffer(id).name), self.buffer(id).bytes());
+            self.left_out.push(LeftOut { what, reason: "nobody reads it".into(), saved_bytes, saved_threads: 0 });
+        }
+        let uploads = touched.into_iter().map(|id| Step::upload(id, &self.buffer(id).name));
+        self.steps.splice(0..0, uploads.collect::<Vec<_>>());
+    }
+
     /// The last buffer of that name.
     pub fn find(&self, name: &str) -> Result<BufferId, Diagnostic> {
         let found = self.buffers.iter().rposition(|buffer| buffer.name == name);
         found.map(BufferId).ok_or_else(|| {
+            if let Some((buffer, step)) = name.split_once('@') {
+                let steps = self.steps.iter().map(|known| format!("{}/{}", known.stage, known.label));
+                let message =
+                    format!("the chain `{}` has no step `{step}` after which there is a buffer `{buffer}`", self.chain);
+                return Diagnostic::input(message).help(format!(
+                    "its steps are {}; a stage's name means its last one",
+                    steps.collect::<Vec<_>>().join(", ")
+                ));
+            }
             Diagnostic::input(format!("no stage of the chain `{}` makes a buffer `{name}`", self.chain))
                 .suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str()))
         })
@@ -325,10 +260,10 @@ impl Plan {
 
     /// Whether a buffer is bound as an array, and whether it is as an image.
     pub fn bound_as(&self, id: BufferId) -> (bool, bool) {
-        let kinds = self.steps.iter().flat_map(|step| {
-            let variables =
-                step.bindings.iter().filter(move |(_, attached)| *attached == id).map(|(variable, _)| variable);
-            variables.filter_map(|variable| step.kernel.binding(variable))
+        let runs = self.steps.iter().filter_map(Step::run);
+        let kinds = runs.flat_map(|run| {
+            let attached = run.bindings.iter().filter(move |(_, attached)| *attached == id);
+            attached.filter_map(|(variable, _)| run.kernel.binding(variable))
         });
         let (mut array, mut image) = (self.outputs.contains(&id), false);
         for kind in kinds {
@@ -337,13 +272,13 @@ impl Plan {
                 _ => array = true,
             }
         }
-        (array, image)
+        let is_copied = |step: &Step| matches!(step.work, Work::Copy { from, .. } if from == id);
+        (array || self.steps.iter().any(is_copied), image)
     }
 
     /// Whether a frame starts from what another one left.
     pub fn remembers(&self) -> bool {
-        let touched = |id: BufferId| self.buffer(id).lasts && self.guards.iter().all(|guard| guard.needed != id);
-        (0..self.buffers.len()).any(|at| touched(BufferId(at)) && self.lives(BufferId(at)))
+        (0..self.buffers.len()).any(|at| self.buffers[at].life.is_history() && self.lives(BufferId(at)))
     }
 
     /// Whether a buffer has memory: something that is left writes or reads it.
@@ -364,10 +299,22 @@ impl Plan {
             (_, Storage::Buffer, _) => buffer.bytes(),
         };
         let buffers = self.buffers.iter().enumerate().map(own).fold(0, u64::saturating_add);
-        let parameters: u64 = self.steps.iter().map(|step| step.parameter_bytes(self.frames)).sum();
+        let parameters: u64 = self.steps.iter().map(|step| step.parameter_bytes(self.packed_frames())).sum();
         buffers.saturating_add(self.slots.iter().sum()).saturating_add(parameters)
     }
 }
+
+impl Plan {
+    /// Frames whose parameters are in memory at a time: those of a path are packed ahead, a camera that comes takes one of the last.
+    pub fn packed_frames(&self) -> usize {
+        self.frames.min(MOST_PACKED) + LIVE_SLOTS
+    }
+}
+
+/// Frames of a path that are packed ahead at most; of a longer path the next ones are packed between frames.
+pub const MOST_PACKED: usize = 256;
+/// Frames that can be on their way while another comes.
+pub const LIVE_SLOTS: usize = 3;
 
 /// Bytes a pixel of a render target's depth.
 const DEPTH_BYTES: u64 = 4;

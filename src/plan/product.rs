@@ -93,6 +93,13 @@ pub struct Blocks<B> {
     pub promise: Promise,
 }
 
+/// Lowest and highest of the surface over each node of the pyramid over cells, in metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NodeRanges<B> {
+    pub lowest: B,
+    pub highest: B,
+}
+
 /// How far the surface is from each block of the quadtree, in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Roughness<B> {
@@ -115,6 +122,7 @@ pub struct Products<B> {
     pictures: Vec<Picture<B>>,
     listings: Vec<Listing<B>>,
     blocks: Vec<Blocks<B>>,
+    node_ranges: Vec<NodeRanges<B>>,
     roughness: Vec<Roughness<B>>,
     point_errors: Vec<PointErrors<B>>,
 }
@@ -127,6 +135,7 @@ impl<B> Default for Products<B> {
             pictures: Vec::new(),
             listings: Vec::new(),
             blocks: Vec::new(),
+            node_ranges: Vec::new(),
             roughness: Vec::new(),
             point_errors: Vec::new(),
         }
@@ -159,6 +168,7 @@ product!(Drawn, drawn, "something drawn");
 product!(Picture, pictures, "a picture");
 product!(Listing, listings, "a list of numbers");
 product!(Blocks, blocks, "blocks of a quadtree");
+product!(NodeRanges, node_ranges, "the lowest and highest of each node");
 product!(Roughness, roughness, "the roughness of blocks");
 product!(PointErrors, point_errors, "errors of grid points");
 

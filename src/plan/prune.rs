@@ -1,21 +1,22 @@
 //! Demand flows back from what is wanted; what it does not reach is left out, with the reason.
 
-use super::{BufferId, LeftOut, Often, Plan, Storage};
+use super::{BufferId, LeftOut, Life, Often, Plan, Step, Work};
 
-/// A step runs once if nothing in it changes with the camera: neither its parameters, nor what it reads, nor
-/// what others write where it writes. The last two depend on other steps, so the answer is a fixed point.
+/// A step runs once if nothing in it changes from frame to frame: neither its parameters, nor what it reads, nor what others write where it
+/// writes, nor anything that the frame before has left. What others do makes the answer a fixed point.
 pub fn classify(plan: &mut Plan) {
-    plan.buffers.iter_mut().for_each(|buffer| buffer.often = Often::Once);
+    let often = |life: Life| if life.is_history() { Often::EveryFrame } else { Often::Once };
+    plan.buffers.iter_mut().for_each(|buffer| buffer.often = often(buffer.life));
     plan.steps.iter_mut().for_each(|step| step.often = Often::Once);
     loop {
         let mut changed = false;
         for step in &mut plan.steps {
-            let written = step.writes.iter().chain(step.optional.iter().map(|(_, id, _)| id));
+            let written: Vec<BufferId> = step.writes.iter().copied().chain(step.optional()).collect();
             let every_frame = |id: &BufferId| plan.buffers[id.0].often == Often::EveryFrame;
-            let moves = step.is_per_frame() || step.reads.iter().any(every_frame) || written.clone().any(every_frame);
+            let moves = step.is_per_frame() || step.reads.iter().chain(&written).any(every_frame);
             if step.often == Often::Once && moves {
                 step.often = Often::EveryFrame;
-                written.for_each(|id| plan.buffers[id.0].often = Often::EveryFrame);
+                written.iter().for_each(|id| plan.buffers[id.0].often = Often::EveryFrame);
                 changed = true;
             }
         }
@@ -56,19 +57,25 @@ pub fn prune(plan: &mut Plan) {
     plan.steps = needed;
 }
 
-fn is_needed(step: &super::Step, wanted: &[BufferId]) -> bool {
-    step.writes.iter().chain(step.optional.iter().map(|(_, id, _)| id)).any(|id| wanted.contains(id))
+fn is_needed(step: &Step, wanted: &[BufferId]) -> bool {
+    step.writes.iter().copied().chain(step.optional()).any(|id| wanted.contains(&id))
 }
 
-/// A buffer that lasts from frame to frame, which something wanted touches, but that is not wanted yet.
+/// A buffer that this frame has to leave for the next one, since something wanted touches it, but that is not wanted yet.
 fn remembered(plan: &Plan, wanted: &[BufferId]) -> Option<BufferId> {
     let mut reached = wanted.to_vec();
     for step in plan.steps.iter().rev() {
         if is_needed(step, &reached) {
-            reached.extend(step.bindings.iter().map(|(_, id)| *id));
+            reached.extend(step.run().into_iter().flat_map(|run| run.bindings.iter().map(|(_, id)| *id)));
+            reached.extend(&step.reads);
         }
     }
-    reached.into_iter().find(|id| plan.buffers[id.0].lasts && !wanted.contains(id))
+    let left = |id: BufferId| match plan.buffers[id.0].life {
+        Life::LastOf(next) => Some(next),
+        Life::Kept | Life::Host => Some(id),
+        Life::Next | Life::Frame => None,
+    };
+    reached.into_iter().filter_map(left).find(|id| !wanted.contains(id))
 }
 
 /// Switches off the optional outputs that nobody wants; the others become ordinary bindings.
@@ -78,16 +85,17 @@ pub fn resolve_optional(plan: &mut Plan, keep_everything: bool) {
     let wanted: Vec<BufferId> = others.copied().chain(plan.outputs.iter().copied()).collect();
     let mut dropped: Vec<BufferId> = Vec::new();
     for step in &mut plan.steps {
-        for (variable, id, constant) in std::mem::take(&mut step.optional) {
+        let Work::Run(run) = &mut step.work else { continue };
+        for (variable, id, constant) in std::mem::take(&mut run.optional) {
             let keep = keep_everything || wanted.contains(&id);
-            step.constants.push((constant.clone(), f64::from(keep)));
+            run.constants.push((constant.clone(), f64::from(keep)));
             if keep {
-                step.bindings.push((variable, id));
+                run.bindings.push((variable, id));
                 continue;
             }
             step.writes.retain(|written| *written != id);
             step.reads.retain(|read| *read != id);
-            step.optional.push((variable, id, constant));
+            run.optional.push((variable, id, constant));
             if !dropped.contains(&id) {
                 dropped.push(id);
                 let buffer = &plan.buffers[id.0];
@@ -106,7 +114,7 @@ pub fn resolve_optional(plan: &mut Plan, keep_everything: bool) {
 pub fn touched(plan: &Plan) -> Vec<Option<(usize, usize)>> {
     let mut lifetimes: Vec<Option<(usize, usize)>> = vec![None; plan.buffers.len()];
     for (index, step) in plan.steps.iter().enumerate() {
-        for (_, id) in &step.bindings {
+        for (_, id) in step.run().into_iter().flat_map(|run| &run.bindings) {
             extend(&mut lifetimes[id.0], index);
         }
         for id in step.reads.iter().chain(&step.writes) {
@@ -114,10 +122,13 @@ pub fn touched(plan: &Plan) -> Vec<Option<(usize, usize)>> {
         }
     }
     for id in &plan.outputs {
-        if plan.buffers[id.0].storage != Storage::Input || lifetimes[id.0].is_some() {
-            extend(&mut lifetimes[id.0], plan.steps.len());
-        } else {
-            lifetimes[id.0] = Some((0, plan.steps.len()));
+        extend(&mut lifetimes[id.0], plan.steps.len());
+    }
+    // both halves of a pair have memory as soon as one is touched
+    for at in 0..plan.buffers.len() {
+        let Life::LastOf(next) = plan.buffers[at].life else { continue };
+        for (half, other) in [(at, next.0), (next.0, at)] {
+            lifetimes[half] = lifetimes[half].or(lifetimes[other]);
         }
     }
     lifetimes

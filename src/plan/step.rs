@@ -1,12 +1,12 @@
 //! A step while a stage says what it binds, sets and runs over; checked against the kernel's own declarations.
 
-use glam::{DVec3, UVec2};
+use glam::UVec2;
 
 use super::chain::Chain;
-use super::{BufferId, SceneData, Series, Step, Storage, Value, Vertices, Work};
-use crate::camera::Camera;
+use super::{BufferId, How, Run, Step, Storage, Vertices, Work};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
-use crate::kernel::{Binding, BindingKind, FieldKind};
+use crate::frame::{self, Block};
+use crate::kernel::{Binding, BindingKind, Field, GROUND_GROUP, Structure, Value};
 
 /// Buffers that a step's kernel touches.
 #[derive(Default)]
@@ -21,19 +21,16 @@ struct Touched {
 pub struct StepBuilder<'c, 'a> {
     chain: &'c mut Chain<'a>,
     step: Step,
+    run: Run,
 }
 
 impl<'c, 'a> StepBuilder<'c, 'a> {
-    pub(super) fn new(chain: &'c mut Chain<'a>, step: Step) -> Self {
-        Self { chain, step }
-    }
-
-    pub fn data(&self) -> &'a SceneData {
-        self.chain.data
+    pub(super) fn new(chain: &'c mut Chain<'a>, step: Step, run: Run) -> Self {
+        Self { chain, step, run }
     }
 
     pub fn bind(mut self, variable: &str, buffer: BufferId) -> Self {
-        self.step.bindings.push((variable.into(), buffer));
+        self.run.bindings.push((variable.into(), buffer));
         self
     }
 
@@ -45,85 +42,45 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
 
     /// A variable that the kernel, with these constants and this entry point, never touches.
     pub fn leave_unbound(mut self, variable: &str) -> Self {
-        self.step.unused.push(variable.into());
+        self.run.unused.push(variable.into());
         self
+    }
+
+    /// Binds a buffer that is there only if the kernel, with these constants, looks at it.
+    pub fn bind_or_leave(self, variable: &str, buffer: Option<BufferId>) -> Self {
+        match buffer {
+            Some(buffer) => self.bind(variable, buffer),
+            None => self.leave_unbound(variable),
+        }
     }
 
     /// An output that is written only if somebody wants it; `constant` is the override that says so.
     pub fn bind_if_wanted(mut self, variable: &str, buffer: BufferId, constant: &str) -> Self {
-        self.step.optional.push((variable.into(), buffer, constant.into()));
+        self.run.optional.push((variable.into(), buffer, constant.into()));
         self
     }
 
+    /// A parameter that is the same in all frames. What depends on the frame comes in blocks: see [`crate::frame`].
     pub fn set(mut self, field: &str, value: impl Into<Value>) -> Self {
-        self.step.params.push((field.into(), Series::Same(value.into())));
+        self.run.params.push((field.into(), value.into()));
         self
-    }
-
-    /// One value a frame, in order.
-    pub fn set_series<V: Into<Value>>(mut self, field: &str, values: impl Iterator<Item = V>) -> Self {
-        self.step.params.push((field.into(), Series::PerFrame(values.map(Into::into).collect())));
-        self
-    }
-
-    pub fn set_per_frame<V: Into<Value>>(self, field: &str, value: impl Fn(&Camera) -> V) -> Self {
-        let data = self.chain.data;
-        self.set_series(field, data.cameras.iter().map(value))
     }
 
     pub fn constant(mut self, name: &str, value: f64) -> Self {
-        self.step.constants.push((name.into(), value));
+        self.run.constants.push((name.into(), value));
         self
-    }
-
-    /// The fields of `Camera` in `kernels/lib/camera.wgsl`.
-    pub fn set_camera(self) -> Self {
-        let parts = |part: usize, hi: bool| {
-            move |camera: &Camera| {
-                let (high, low) = split(camera.pixel_basis()[part]);
-                if hi { high } else { low }
-            }
-        };
-        let (width, height) = self.chain.data.scene.viewport;
-        self.set("camera.viewport", [width, height])
-            .set_per_frame("camera.right_hi", parts(0, true))
-            .set_per_frame("camera.right_lo", parts(0, false))
-            .set_per_frame("camera.down_hi", parts(1, true))
-            .set_per_frame("camera.down_lo", parts(1, false))
-            .set_per_frame("camera.corner_hi", parts(2, true))
-            .set_per_frame("camera.corner_lo", parts(2, false))
-    }
-
-    /// The fields of `Terrain` in `kernels/lib/terrain.wgsl`.
-    pub fn set_terrain(self) -> Self {
-        let terrain = self.chain.data.terrain.clone();
-        let samples = move |camera: &Camera| terrain.sample_from_world(camera.eye_m.truncate());
-        let fraction = samples.clone();
-        let terrain = &self.chain.data.terrain;
-        let (size, cell_m) = (terrain.size.to_array(), terrain.cell_m.as_vec2().to_array());
-        self.set("terrain.size", size)
-            .set("terrain.cell_m", cell_m)
-            .set_per_frame("terrain.eye_cell", move |camera| samples(camera).floor().as_ivec2().to_array())
-            .set_per_frame("terrain.eye_fraction", move |camera| {
-                let sample = fraction(camera);
-                (sample - sample.floor()).as_vec2().to_array()
-            })
-            .set_per_frame("terrain.eye_height_m", |camera| {
-                let high = camera.eye_m.z as f32;
-                [high, (camera.eye_m.z - f64::from(high)) as f32]
-            })
     }
 
     /// Runs one thread an element of a rectangle.
     pub fn over(mut self, size: UVec2) -> Result<(), Diagnostic> {
-        let workgroup = self.step.kernel.entry(&self.step.entry)?.workgroup_size;
-        self.step.work = Work::Groups([size.x.div_ceil(workgroup[0]), size.y.div_ceil(workgroup[1]), 1]);
+        let workgroup = self.run.kernel.entry(&self.run.entry)?.workgroup_size;
+        self.run.how = How::Groups([size.x.div_ceil(workgroup[0]), size.y.div_ceil(workgroup[1]), 1]);
         self.push()
     }
 
     /// Runs as many workgroups as the three u32 in `buffer` say; zero of them is nothing at all.
     pub fn over_indirect(mut self, buffer: BufferId) -> Result<(), Diagnostic> {
-        self.step.work = Work::Indirect(buffer);
+        self.run.how = How::Indirect(buffer);
         self.step.reads.push(buffer);
         self.push()
     }
@@ -140,57 +97,74 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
     }
 
     fn draw(mut self, vertices: Vertices, target: BufferId, fragment: &str) -> Result<(), Diagnostic> {
-        self.step.work = Work::Draw { vertices, target, fragment: fragment.into() };
+        self.run.how = How::Draw { vertices, target, fragment: fragment.into() };
         self.step.writes.push(target);
         self.push()
     }
 
     /// Checks the step against its kernel's reflection and adds it to the chain.
     fn push(mut self) -> Result<(), Diagnostic> {
-        let kernel = self.step.kernel.clone();
-        let mut entries = vec![kernel.entry(&self.step.entry)?];
-        if let Work::Draw { fragment, .. } = &self.step.work {
+        let kernel = self.run.kernel.clone();
+        let mut entries = vec![kernel.entry(&self.run.entry)?];
+        if let How::Draw { fragment, .. } = &self.run.how {
             entries.push(kernel.entry(fragment)?);
         }
         let bindings: Vec<&Binding> = entries.iter().flat_map(|entry| &entry.bindings).collect();
+        self.bind_ground(&bindings)?;
+        self.run.constants.extend(self.chain.ground_constants(&kernel));
         let mut touched = Touched::default();
         for binding in &bindings {
             self.check_binding(binding, &mut touched)?;
         }
         self.check_writes(&touched)?;
         let known = || bindings.iter().map(|binding| binding.name.as_str());
-        if let Some((name, _)) = self.step.bindings.iter().find(|(name, _)| known().all(|other| other != name)) {
+        if let Some((name, _)) = self.run.bindings.iter().find(|(name, _)| known().all(|other| other != name)) {
             return Err(Diagnostic::input(format!("the kernel `{}` uses no binding `{name}`", kernel.name))
                 .at(&self.chain.origin, "bound here")
                 .suggest(name, known()));
         }
-        let fields = bindings.iter().filter_map(|binding| match &binding.kind {
-            BindingKind::Params(structure) => Some(&structure.fields),
+        let structures = bindings.iter().filter_map(|binding| match &binding.kind {
+            BindingKind::Params(structure) => Some(structure),
             _ => None,
         });
-        let used: Vec<&str> = fields.flatten().map(|field| field.name.as_str()).collect();
-        self.step.params.retain(|(name, _)| used.contains(&name.as_str()));
+        let used: Vec<&str> =
+            structures.flat_map(|structure| &structure.fields).map(|field| field.name.as_str()).collect();
+        self.run.params.retain(|(name, _)| used.contains(&name.as_str()));
         self.step.reads.extend(touched.reads);
         self.step.reads.extend(touched.in_place);
         self.step.writes.extend(touched.writes);
+        self.step.work = Work::Run(Box::new(self.run));
         self.chain.steps.push(self.step);
+        Ok(())
+    }
+
+    /// Attaches what stands behind the functions of the ground.
+    fn bind_ground(&mut self, bindings: &[&Binding]) -> Result<(), Diagnostic> {
+        for Binding { name, group, kind, origin, .. } in bindings {
+            let is_buffer = matches!(kind, BindingKind::Storage { .. } | BindingKind::Image { .. });
+            let is_open = self.attached(name).is_none() && !self.run.unused.contains(name);
+            if *group == GROUND_GROUP && is_buffer && is_open {
+                let id = self.chain.ground_buffer(name, origin)?;
+                self.run.bindings.push((name.clone(), id));
+            }
+        }
         Ok(())
     }
 
     /// The buffer that is attached to a variable, wanted or not.
     fn attached(&self, variable: &str) -> Option<BufferId> {
-        let always = self.step.bindings.iter().map(|(name, id)| (name, *id));
-        let optional = self.step.optional.iter().map(|(name, id, _)| (name, *id));
+        let always = self.run.bindings.iter().map(|(name, id)| (name, *id));
+        let optional = self.run.optional.iter().map(|(name, id, _)| (name, *id));
         always.chain(optional).find(|(name, _)| *name == variable).map(|(_, id)| id)
     }
 
     /// Refuses a buffer that is not what the variable declares, and notes how the kernel uses it.
-    fn check_binding(&self, binding: &Binding, touched: &mut Touched) -> Result<(), Diagnostic> {
+    fn check_binding(&mut self, binding: &Binding, touched: &mut Touched) -> Result<(), Diagnostic> {
         let Binding { name, kind, origin, .. } = binding;
         match (kind, self.attached(name)) {
             (BindingKind::Params(structure), _) => self.check_params(structure),
             (BindingKind::Sampler, _) => Ok(()),
-            (_, None) if self.step.unused.contains(name) => Ok(()),
+            (_, None) if self.run.unused.contains(name) => Ok(()),
             (_, None) => Err(self.mistake(format!("`{name}` is not bound to a buffer"), origin)),
             (BindingKind::Storage { elem, read, written }, Some(id)) => {
                 let buffer = self.chain.buffer(id);
@@ -217,7 +191,7 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
             (BindingKind::Image { float }, Some(id)) => {
                 let buffer = self.chain.buffer(id);
                 let (storage, what) =
-                    if *float { (Storage::Input, "the terrain") } else { (Storage::Target, "a render target") };
+                    if *float { (Storage::Input, "an input") } else { (Storage::Target, "a render target") };
                 if buffer.storage != storage {
                     let message = format!("`{name}` is an image of {what}, which the buffer `{}` is not", buffer.name);
                     return Err(self.mistake(message, origin));
@@ -228,70 +202,84 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
         }
     }
 
-    /// Refuses to write what the kernel reads under another name, or the terrain.
+    /// Refuses to write what the kernel reads under another name, or an input.
     fn check_writes(&self, touched: &Touched) -> Result<(), Diagnostic> {
         let is_read = |id: &BufferId| touched.reads.contains(id);
-        let is_terrain = |id: &BufferId| self.chain.buffer(*id).storage == Storage::Input;
-        let Some(id) = touched.writes.iter().find(|id| is_terrain(id) || is_read(id)) else { return Ok(()) };
+        let is_input = |id: &BufferId| self.chain.buffer(*id).storage == Storage::Input;
+        let Some(id) = touched.writes.iter().find(|id| is_input(id) || is_read(id)) else { return Ok(()) };
         let what = match is_read(id) {
             true => "is read and written by the same kernel",
-            false => "is the terrain and cannot be written",
+            false => "is an input of the scene and cannot be written",
         };
         Err(Diagnostic::input(format!("`{}` {what}", self.chain.buffer(*id).name))
             .at(&self.chain.origin, "this stage")
             .help("write a new buffer, or use `ping_pong`"))
     }
 
-    fn check_params(&self, structure: &crate::kernel::Structure) -> Result<(), Diagnostic> {
-        for field in &structure.fields {
-            let Some((_, series)) = self.step.params.iter().find(|(name, _)| *name == field.name) else {
-                let message = format!("the parameter `{}` has no value", field.name);
-                let help = match self.step.kernel.trusted {
-                    true => format!("`plan` of this stage gives it one with `.set(\"{}\", ..)`", field.name),
-                    false => format!("give it one with `params: ({}: ..)`", field.name),
-                };
-                return Err(self.mistake(message, &field.origin).help(help));
-            };
-            let fits = match (series.at(0), field.kind) {
-                (Value::F32(v), FieldKind::F32(n)) => v.len() == n as usize,
-                (Value::U32(v), FieldKind::U32(n)) => v.len() == n as usize,
-                (Value::I32(v), FieldKind::I32(n)) => v.len() == n as usize,
-                _ => false,
-            };
-            if !fits {
-                let message = format!("the parameter `{}` is {:?}, but got {:?}", field.name, field.kind, series.at(0));
-                return Err(self.mistake(message, &field.origin));
+    /// Fills the blocks of a structure, and checks the fields that are left.
+    fn check_params(&mut self, structure: &Structure) -> Result<(), Diagnostic> {
+        // the outermost structure that is a block is one block, with what is in it
+        let mut blocks: Vec<(String, &'static Block)> = Vec::new();
+        for nested in &structure.nested {
+            if let Some(block) = frame::block(&nested.name)
+                && blocks.iter().all(|(outer, _)| !nested.prefix.starts_with(outer.as_str()))
+            {
+                blocks.push((nested.prefix.clone(), block));
             }
         }
+        for field in &structure.fields {
+            let block = blocks.iter().find(|(prefix, _)| field.name.starts_with(prefix.as_str()));
+            match block {
+                Some((prefix, block)) => self.check_in_block(field, &field.name[prefix.len()..], block)?,
+                None => self.check_param(field)?,
+            }
+        }
+        let is_new = |block: &(String, &'static Block)| !self.run.blocks.contains(block);
+        let new: Vec<_> = blocks.into_iter().filter(is_new).collect();
+        self.run.blocks.extend(new);
         Ok(())
+    }
+
+    /// A field of a block has to be one that the block fills.
+    fn check_in_block(&self, field: &Field, name: &str, block: &Block) -> Result<(), Diagnostic> {
+        match block.fields.iter().find(|(known, _)| *known == name) {
+            Some((_, kind)) if *kind == field.kind => Ok(()),
+            Some((_, kind)) => {
+                let message = format!("`{}` of a `{}` is {kind:?}, not {:?}", name, block.name, field.kind);
+                Err(self.mistake(message, &field.origin))
+            }
+            None => Err(self
+                .mistake(format!("a `{}` is filled in, and has no field `{name}`", block.name), &field.origin)
+                .help(format!("give your structure another name than `{}`, or leave the field out", block.name))),
+        }
+    }
+
+    fn check_param(&mut self, field: &Field) -> Result<(), Diagnostic> {
+        let value = self.run.params.iter().find(|(name, _)| *name == field.name).map(|(_, value)| *value);
+        let value = value.or_else(|| self.usual(field));
+        let Some(value) = value else {
+            let message = format!("the parameter `{}` has no value", field.name);
+            let help = match self.run.kernel.trusted {
+                true => format!("`plan` of this stage gives it one with `.set(\"{}\", ..)`", field.name),
+                false => format!("give it one with `params: ({}: ..)`", field.name),
+            };
+            return Err(self.mistake(message, &field.origin).help(help));
+        };
+        if value.kind != field.kind {
+            let message = format!("the parameter `{}` is {:?}, but got {value:?}", field.name, field.kind);
+            return Err(self.mistake(message, &field.origin));
+        }
+        self.run.params.push((field.name.clone(), value));
+        Ok(())
+    }
+
+    /// A parameter that nobody gave a value and that can mean one thing only.
+    fn usual(&self, field: &Field) -> Option<Value> {
+        let cell_m = Value::from(self.chain.lattice().cell_m.as_vec2().to_array());
+        (field.name == "cell_m" && field.kind == cell_m.kind).then_some(cell_m)
     }
 
     fn mistake(&self, message: String, kernel: &Origin) -> Diagnostic {
         Diagnostic::input(message).at(kernel, "declared here").at(&self.chain.origin, "used by this stage")
     }
 }
-
-/// Splits each component into a multiple of 2^-22 and what is missing; see `Camera` in `kernels/lib/camera.wgsl`.
-fn split(vector: DVec3) -> ([f32; 3], [f32; 3]) {
-    const QUANTUM: f64 = 1.0 / 4_194_304.0;
-    let high = (vector / QUANTUM).round() * QUANTUM;
-    (high.as_vec3().to_array(), (vector - high).as_vec3().to_array())
-}
-
-macro_rules! value_from {
-    ($scalar:ty, $variant:ident) => {
-        impl From<$scalar> for Value {
-            fn from(value: $scalar) -> Self {
-                Value::$variant(vec![value])
-            }
-        }
-        impl<const N: usize> From<[$scalar; N]> for Value {
-            fn from(value: [$scalar; N]) -> Self {
-                Value::$variant(value.to_vec())
-            }
-        }
-    };
-}
-value_from!(f32, F32);
-value_from!(u32, U32);
-value_from!(i32, I32);

@@ -14,7 +14,7 @@ use crate::measure::time::Spread;
 use crate::plan::LeftOut;
 
 /// Changes whenever a record would mean something else than before.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 
 /// Everything that decides a cell's results: what is carried out, on what, and what is measured. A change in any part makes it another
 /// cell, except in how it was written.
@@ -31,7 +31,9 @@ pub struct Identity {
     pub frames: Option<String>,
     /// Each measure with its version and all of its parameters.
     pub measures: Vec<String>,
+    /// The ground, and each other map that is uploaded, by name.
     pub terrain: String,
+    pub inputs: Vec<(String, String)>,
     /// Adapter, backend and driver.
     pub adapter: String,
     pub format: u32,
@@ -41,8 +43,8 @@ pub struct Identity {
 
 impl Identity {
     pub fn hash(&self) -> String {
-        let carried_out =
-            (&self.plan, &self.truth, &self.frames, &self.measures, &self.terrain, &self.adapter, self.format);
+        let Self { plan, truth, frames, measures, terrain, inputs, adapter, format, .. } = self;
+        let carried_out = (plan, truth, frames, measures, terrain, inputs, adapter, format);
         // a tuple of strings always serializes
         let text = serde_json::to_string(&carried_out).unwrap_or_default();
         blake3::hash(text.as_bytes()).to_hex().as_str()[..16].to_string()
@@ -77,6 +79,8 @@ impl Identity {
         if self.terrain != earlier.terrain {
             changes.push("terrain".into());
         }
+        let new = self.inputs.iter().filter(|input| !earlier.inputs.contains(input));
+        changes.extend(new.map(|(name, _)| format!("input {name}")));
         if self.adapter != earlier.adapter {
             changes.push(format!("adapter (was {})", earlier.adapter));
         }

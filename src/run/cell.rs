@@ -1,6 +1,7 @@
 //! One cell: frames on the GPU, buffers read back between them, measures.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::job::Job;
 use super::overflow::Overflow;
@@ -14,8 +15,9 @@ use crate::report::pictures;
 use crate::report::records::{Store, Timings};
 
 pub struct Context<'a> {
-    pub gpu: &'a Gpu,
+    pub gpu: &'a Arc<Gpu>,
     pub job: &'a Job,
+    pub plan: &'a Arc<Plan>,
     pub store: &'a Store,
     pub hash: &'a str,
     pub options: &'a Options,
@@ -41,8 +43,8 @@ pub enum Ended {
 }
 
 pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Diagnostic> {
-    let Context { gpu, job: Job { prepared, plan, .. }, .. } = context;
-    let executor = Executor::new(gpu, plan, &prepared.data)?;
+    let Context { gpu, plan, job: Job { prepared, .. }, .. } = context;
+    let mut executor = Executor::new(gpu, plan, &prepared.data)?;
     let once = executor.setup()?;
     let mut looks = Looks::new(context);
     for frame in 0..plan.frames {
@@ -56,7 +58,7 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     // timed apart: reading back and measuring between frames leaves caches and clocks as no renderer has them
     let asked_for = prepared.measures.iter().find_map(|chosen| chosen.measure.sampling());
     let sampling = asked_for.unwrap_or(Sampling { warmup: 0, repeats: 1 });
-    let (frames, by_steps) = match timed(gpu, plan, &executor, sampling)? {
+    let (frames, by_steps) = match timed(gpu, plan, &mut executor, sampling)? {
         Timed::Frames { frames, by_steps } => (frames, by_steps),
         Timed::Overflowed(overflow) => return Ok(Ended::Overflowed(overflow)),
     };
@@ -65,7 +67,8 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
         timings(plan, &executor, &once, &frames, &frames)
     } else {
         warnings.push("this adapter's timestamps are not to be believed: times are those of the clock".to_string());
-        timings(plan, &executor, &executor.setup_by_steps()?, &frames, &by_steps)
+        let once = executor.setup_by_steps()?;
+        timings(plan, &executor, &once, &frames, &by_steps)
     };
     let buffers = looks.hashes();
     let figures = looks.finish();
@@ -94,13 +97,13 @@ impl<'c, 'a> Looks<'c, 'a> {
         Self {
             context,
             tallies: job.prepared.measures.iter().map(|chosen| chosen.measure.begin()).collect(),
-            hashers: vec![blake3::Hasher::new(); job.plan.outputs.len()],
+            hashers: vec![blake3::Hasher::new(); context.plan.outputs.len()],
         }
     }
 
     /// Reads the outputs of a frame that is over, and measures them.
     fn frame(&mut self, executor: &Executor, frame: usize, truth: Option<&mut Truth>) -> Result<(), Diagnostic> {
-        let Job { prepared, plan, .. } = self.context.job;
+        let Context { plan, job: Job { prepared, .. }, .. } = self.context;
         let truth = truth.map(|truth| truth.frame(frame)).transpose()?;
         let mut buffers: BTreeMap<BufferId, Vec<u8>> = BTreeMap::new();
         for (at, &id) in plan.outputs.iter().enumerate() {
@@ -116,17 +119,17 @@ impl<'c, 'a> Looks<'c, 'a> {
 
     /// Writes a buffer that was asked for; one that stays as it is only once.
     fn dump(&self, id: BufferId, frame: usize, bytes: &[u8]) -> Result<(), Diagnostic> {
-        let buffer = self.context.job.plan.buffer(id);
+        let buffer = self.context.plan.buffer(id);
         let is_new = frame == 0 || buffer.often == Often::EveryFrame && buffer.storage != Storage::Input;
         if !is_new || !self.context.options.dump.contains(&buffer.name) {
             return Ok(());
         }
-        let name = format!("dumps/{}/{}_{frame:04}.npy", self.context.hash, buffer.name);
+        let name = format!("dumps/{}/{}_{frame:04}.npy", self.context.hash, buffer.name.replace(['/', ' '], "_"));
         self.context.store.write(&name, &dump::npy(buffer, bytes)?)
     }
 
     fn hashes(&self) -> Vec<(String, String)> {
-        let plan = &self.context.job.plan;
+        let plan = self.context.plan;
         let hash = |hasher: &blake3::Hasher| hasher.finalize().to_hex().as_str()[..32].to_string();
         let named = |(id, hasher): (&BufferId, _)| (plan.buffer(*id).name.clone(), hash(hasher));
         plan.outputs.iter().zip(&self.hashers).map(named).collect()

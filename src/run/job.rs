@@ -6,25 +6,28 @@ use std::sync::Arc;
 use super::{Options, Prepared, truth};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::Gpu;
-use crate::plan::{Capacities, Plan, SceneData};
+use crate::plan::{Capacities, Plan};
 use crate::report::records::{self, Identity};
+use crate::scene::{HEIGHT, Input, SceneData};
 
-/// A cell, its plan and the plan of the ground truth that it is compared with.
+/// A cell, and the plan of the ground truth that it is compared with. Its own plan is made when it is needed: ten thousand of them are large.
 pub struct Job {
     pub prepared: Arc<Prepared>,
-    pub plan: Plan,
     /// None if no measure looks at the truth. Jobs over the same frames share it.
     pub truth: Option<Arc<Plan>>,
+    options: Arc<Options>,
+    /// A plan in the place of the one that follows from the parameters: one with longer lists, for instance.
+    own: Option<Arc<Plan>>,
     /// What the user wrote for this cell, on one line: only to say why it runs again.
     parameters: String,
 }
 
-/// Plans all cells.
+/// The jobs of all cells.
 pub fn jobs(prepared: Vec<Prepared>, options: &Options) -> Result<Vec<Job>, Diagnostic> {
     let mut truths: BTreeMap<(*const SceneData, String), Arc<Plan>> = BTreeMap::new();
+    let options = Arc::new(options.clone());
     let mut jobs = Vec::new();
     for prepared in prepared {
-        let plan = prepared.plan(options, &Capacities::new())?;
         let truth = match prepared.wants_truth() {
             false => None,
             true => {
@@ -35,8 +38,8 @@ pub fn jobs(prepared: Vec<Prepared>, options: &Options) -> Result<Vec<Job>, Diag
                 truths.get(&key).cloned()
             }
         };
-        let parameters = parameters(&prepared, options);
-        jobs.push(Job { prepared: Arc::new(prepared), plan, truth, parameters });
+        let parameters = parameters(&prepared, &options);
+        jobs.push(Job { prepared: Arc::new(prepared), truth, options: options.clone(), own: None, parameters });
     }
     Ok(jobs)
 }
@@ -52,27 +55,43 @@ fn parameters(prepared: &Prepared, options: &Options) -> String {
 }
 
 impl Job {
-    /// Everything that decides the cell's results; `terrain` is the hash of its heights.
-    pub fn identity(&self, terrain: &str, gpu: &Gpu) -> Identity {
+    pub fn plan(&self) -> Result<Arc<Plan>, Diagnostic> {
+        match &self.own {
+            Some(own) => Ok(own.clone()),
+            None => Ok(Arc::new(self.prepared.plan(&self.options, &Capacities::new())?)),
+        }
+    }
+
+    /// Everything that decides the cell's results, its own plan among it; `hashes` knows those of inputs that were hashed before.
+    pub fn identity(&self, plan: &Plan, hashes: &mut InputHashes, gpu: &Gpu) -> Identity {
+        let data = &self.prepared.data;
         let looks = self.prepared.measures.iter().any(|chosen| chosen.measure.looks_at_frames());
+        let is_used = |name: &str| {
+            let uploads = |plan: &Plan| plan.buffers.iter().any(|buffer| buffer.name == name && buffer.is_input());
+            uploads(plan) || self.truth.as_deref().is_some_and(uploads)
+        };
+        // heights are the ground's
+        let used = data.inputs.iter().filter(|input| input.name != HEIGHT && is_used(input.name));
         Identity {
-            plan: self.plan.fingerprint(),
-            kernels: self.plan.kernels(),
-            truth: self.truth.as_ref().map(|plan| plan.fingerprint()),
+            plan: plan.fingerprint(data),
+            kernels: plan.kernels(),
+            truth: self.truth.as_ref().map(|plan| plan.fingerprint(data)),
             truth_kernels: self.truth.as_ref().map_or(Vec::new(), |plan| plan.kernels()),
             // measures look with cameras in f64, of which a plan has what f32 can hold
-            frames: looks.then(|| self.prepared.data.fingerprint()),
+            frames: looks.then(|| data.fingerprint()),
             measures: self.prepared.measures.iter().map(|chosen| chosen.identity()).collect(),
-            terrain: terrain.into(),
+            terrain: hashes.ground(data),
+            inputs: used.map(|input| (input.name.to_string(), hashes.input(input))).collect(),
             adapter: gpu.summary.identity(),
             format: records::FORMAT,
             parameters: self.parameters.clone(),
         }
     }
 
-    /// The same job with longer lists.
+    /// The same job with another plan.
     pub fn with_plan(&self, plan: Plan) -> Job {
-        Job { prepared: self.prepared.clone(), plan, truth: self.truth.clone(), parameters: self.parameters.clone() }
+        let (prepared, truth, options) = (self.prepared.clone(), self.truth.clone(), self.options.clone());
+        Job { prepared, truth, options, own: Some(Arc::new(plan)), parameters: self.parameters.clone() }
     }
 
     /// Whether two jobs look at the same ground truth.
@@ -81,5 +100,23 @@ impl Job {
             (Some(own), Some(other)) => Arc::ptr_eq(own, other),
             _ => false,
         }
+    }
+}
+
+/// Hashes of grounds and inputs by where they are in memory: cells share them.
+#[derive(Default)]
+pub struct InputHashes {
+    known: BTreeMap<usize, String>,
+}
+
+impl InputHashes {
+    fn ground(&mut self, data: &SceneData) -> String {
+        let at = Arc::as_ptr(&data.ground).cast::<u8>() as usize;
+        self.known.entry(at).or_insert_with(|| data.ground.identity()).clone()
+    }
+
+    fn input(&mut self, input: &Input) -> String {
+        let at = input.bytes().as_ptr() as usize;
+        self.known.entry(at).or_insert_with(|| input.identity()).clone()
     }
 }

@@ -9,12 +9,14 @@ use super::Options;
 use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::experiment::scene::Scene;
 use crate::experiment::sweep::Setting;
+use crate::experiment::tree::Node;
 use crate::experiment::{Cell, Experiment, StageCall};
 use crate::gpu::{Executor, Gpu, GpuError};
 use crate::measure::{self, Chosen};
-use crate::plan::{BufferId, Capacities, Chain, Demand, Plan, SceneData};
+use crate::plan::{BufferId, Capacities, Chain, Demand, Plan};
+use crate::scene::SceneData;
 use crate::stages::{self, Stage};
-use crate::terrain::HeightField;
+use crate::terrain::{ColourMap, HeightField, TerrainError};
 
 /// A cell with its stages and measures read and its terrain in memory.
 pub struct Prepared {
@@ -53,6 +55,13 @@ fn scene_key(scene: &Scene) -> String {
     format!("{scene:?}")
 }
 
+/// A mistake in a part of the scene, where it was written.
+fn in_scene(error: &TerrainError, node: &Node) -> Diagnostic {
+    let field = error.field().and_then(|field| node.field(field));
+    let diagnostic = Diagnostic::input(error.to_string()).at(&field.unwrap_or(node).head(), "here");
+    Diagnostic { help: error.help().map(str::to_string), ..diagnostic }
+}
+
 fn load_scene(
     cell: &Cell,
     folder: &Path,
@@ -62,20 +71,24 @@ fn load_scene(
     let terrain = match terrains.get(&key) {
         Some(terrain) => terrain.clone(),
         None => {
-            let loaded = HeightField::load(&cell.scene.terrain, folder).map_err(|error| {
-                let place = cell.scene_node.field("terrain").unwrap_or(&cell.scene_node);
-                let field = error.field().and_then(|field| place.field(field));
-                let diagnostic = Diagnostic::input(error.to_string()).at(&field.unwrap_or(place).head(), "here");
-                Diagnostic { help: error.help().map(str::to_string), ..diagnostic }
-            })?;
+            let node = cell.scene_node.field("terrain").unwrap_or(&cell.scene_node);
+            let loaded = HeightField::load(&cell.scene.terrain, folder).map_err(|error| in_scene(&error, node))?;
             let loaded = Arc::new(loaded);
             terrains.insert(key, loaded.clone());
             loaded
         }
     };
-    let data = SceneData::new(cell.scene.clone(), terrain);
+    let colours = match &cell.scene.colour {
+        None => None,
+        Some(colour) => {
+            let node = cell.scene_node.field("colour").unwrap_or(&cell.scene_node);
+            let loaded = ColourMap::load(colour, &terrain, folder).map_err(|error| in_scene(&error, node))?;
+            Some(Arc::new(loaded))
+        }
+    };
+    let data = SceneData::new(cell.scene.clone(), terrain, colours);
     let path = cell.scene_node.field("camera").unwrap_or(&cell.scene_node).head();
-    if !data.cameras.iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
+    if !data.cameras().iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
         return Err(Diagnostic::input("the camera path has a place that is not a number").at(&path, "this path"));
     }
     Ok(data)
@@ -84,9 +97,18 @@ fn load_scene(
 impl Prepared {
     /// The chain with all of its stages stated.
     pub fn chain(&self, capacities: &Capacities) -> Result<Chain<'_>, Diagnostic> {
+        self.chain_and_look(capacities, &mut |_, _| ())
+    }
+
+    /// The same, with a look at the chain after each stage.
+    fn chain_and_look<'a>(
+        &'a self,
+        capacities: &Capacities,
+        look: &mut dyn FnMut(&mut Chain<'a>, usize),
+    ) -> Result<Chain<'a>, Diagnostic> {
         let stages: Vec<(&StageCall, &dyn Stage)> =
             self.cell.stages.iter().zip(self.stages.iter().map(AsRef::as_ref)).collect();
-        stages::state(&self.cell.chain, &self.data, &self.cell.scene_node.origin, &stages, capacities)
+        stages::state_and_look(&self.cell.chain, &self.data, &self.cell.scene_node.origin, &stages, capacities, look)
     }
 
     /// The plan for what is measured and what is to be dumped. `capacities` are of lists that turned out to be too short.
@@ -102,8 +124,15 @@ impl Prepared {
         if outputs.is_empty() {
             outputs.extend(chain.last_made());
         }
-        outputs.extend(options.dump.iter().filter_map(|name| chain.find(name)));
-        Ok(Plan::finish(chain, &Demand { outputs, keep_everything: options.keep_everything }))
+        for name in &options.dump {
+            let found = match name.split_once('@') {
+                None => chain.find(name),
+                Some((buffer, step)) => chain.tap_named(name, buffer, step),
+            };
+            outputs.extend(found);
+        }
+        let reuse = self.cell.reuse;
+        Ok(Plan::finish(chain, &Demand { outputs, keep_everything: options.keep_everything, reuse }))
     }
 
     pub fn wants_truth(&self) -> bool {
@@ -128,7 +157,7 @@ pub enum Keep {
 /// One chain, planned: what checks, tests and benches run.
 pub struct Setup {
     pub prepared: Prepared,
-    pub plan: Plan,
+    pub plan: Arc<Plan>,
 }
 
 impl Setup {
@@ -149,16 +178,52 @@ impl Setup {
             Keep::Everything => {
                 let chain = prepared.chain(&Capacities::new())?;
                 let outputs = chain.made();
-                Plan::finish(chain, &Demand { outputs, keep_everything: true })
+                Plan::finish(chain, &Demand { outputs, keep_everything: true, reuse: false })
             }
         };
-        Ok(Self { prepared, plan })
+        Ok(Self { prepared, plan: Arc::new(plan) })
     }
 
     /// On a device, with what runs once done.
-    pub fn executor<'a>(&'a self, gpu: &'a Gpu) -> Result<Executor<'a>, GpuError> {
-        let executor = Executor::new(gpu, &self.plan, &self.prepared.data)?;
+    pub fn executor(&self, gpu: &Arc<Gpu>) -> Result<Executor, GpuError> {
+        let mut executor = Executor::new(gpu, &self.plan, &self.prepared.data)?;
         executor.setup()?;
         Ok(executor)
+    }
+}
+
+/// One chain, planned with a copy of every buffer after each stage that writes it.
+pub struct Tapped {
+    pub setup: Setup,
+    pub taps: Vec<Tap>,
+}
+
+/// What a buffer is after a stage.
+pub struct Tap {
+    pub stage_index: usize,
+    /// The buffer's name.
+    pub buffer: String,
+    pub copy: BufferId,
+}
+
+impl Tapped {
+    /// See [`Setup::chain`].
+    pub fn chain(scene: &str, chain: &str, folder: &Path) -> Result<Self, Diagnostic> {
+        let text = format!("Experiment(scene: ({scene}), chains: {{\"chain\": {chain}}}, measure: [Time])");
+        let experiment = Experiment::read(Source::new("setup", text), folder.to_path_buf())?;
+        let prepared = prepare(&experiment, &[])?.into_iter().next();
+        let prepared = prepared.ok_or_else(|| Diagnostic::input("this experiment has no cell"))?;
+        let mut taps = Vec::new();
+        let chain = prepared.chain_and_look(&Capacities::new(), &mut |chain, stage_index| {
+            for id in chain.written() {
+                let Some(after) = chain.steps().len().checked_sub(1) else { return };
+                let buffer = chain.buffer(id).name.clone();
+                let copy = chain.tap(id, after, &format!("{buffer}@{stage_index}"));
+                taps.push(Tap { stage_index, buffer, copy });
+            }
+        })?;
+        let outputs = taps.iter().map(|tap| tap.copy).collect();
+        let plan = Arc::new(Plan::finish(chain, &Demand { outputs, keep_everything: false, reuse: false }));
+        Ok(Self { setup: Setup { prepared, plan }, taps })
     }
 }

@@ -2,7 +2,7 @@
 
 use super::overflow::Overflow;
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::execute::SubmissionTime;
+use crate::gpu::submit::SubmissionTime;
 use crate::gpu::{Executor, Gpu};
 use crate::measure::Sampling;
 use crate::measure::time;
@@ -17,23 +17,29 @@ pub enum Timed {
 
 /// The path as often as asked for, in whole frames and, where nothing better tells, in steps. Whole frames and steps alternate frame by
 /// frame, so that both see the same machine state. With history that would run each frame twice in a row, so the two passes over the
-/// path are made one after the other.
-pub fn timed(gpu: &Gpu, plan: &Plan, executor: &Executor, sampling: Sampling) -> Result<Timed, Diagnostic> {
+/// path are made one after the other, and each begins with a frame that does not count: it comes after none that it could go on from.
+pub fn timed(gpu: &Gpu, plan: &Plan, executor: &mut Executor, sampling: Sampling) -> Result<Timed, Diagnostic> {
     for frame in 0..sampling.warmup {
-        executor.frame(frame as usize % plan.frames)?;
+        executor.timed_frame(frame as usize % plan.frames)?;
     }
     let (mut frames, mut by_steps) = (Vec::new(), Vec::new());
     let needs_steps = !gpu.summary.timestamps;
     let ways = if needs_steps { &[false, true][..] } else { &[false] };
-    let order: Vec<(usize, bool)> = match plan.remembers() {
+    let goes_on = plan.remembers() || !plan.reused.is_empty();
+    let order: Vec<(usize, bool)> = match goes_on {
         true => ways.iter().flat_map(|&way| (0..plan.frames).map(move |frame| (frame, way))).collect(),
         false => (0..plan.frames).flat_map(|frame| ways.iter().map(move |&way| (frame, way))).collect(),
     };
     for _ in 0..sampling.repeats {
         for &(frame, in_steps) in &order {
+            if goes_on && frame == 0 && plan.frames > 1 {
+                executor.reset_history();
+                executor.timed_frame(frame)?;
+                continue;
+            }
             match in_steps {
                 true => by_steps.push(executor.frame_by_steps(frame)?),
-                false => frames.push(executor.frame(frame)?),
+                false => frames.push(executor.timed_frame(frame)?),
             }
             // after another frame than before, a list can be longer
             if let Some(overflow) = Overflow::after_frame(executor, plan)? {

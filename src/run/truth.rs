@@ -1,6 +1,7 @@
 //! Ground truth of a scene's frames, computed once and shared by every cell that looks at them.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use super::Prepared;
 use crate::experiment::diagnostic::{Diagnostic, Source};
@@ -15,8 +16,8 @@ use crate::stages::{self, picture::shade};
 /// Frames are kept up to this many bytes; beyond that they are cast again when they are needed.
 const MOST_BYTES: usize = 2 << 30;
 
-pub struct Truth<'a> {
-    executor: Executor<'a>,
+pub struct Truth {
+    executor: Executor,
     distance: BufferId,
     colour: BufferId,
     frames: Vec<Option<TruthFrame>>,
@@ -32,9 +33,9 @@ fn own_shade(cell: &Cell) -> Option<&StageCall> {
     cell.stages.iter().rfind(|call| call.name == shade::INFO.name)
 }
 
-/// The chain that makes the truth: the exact ray cast, shaded like the cell shades.
+/// The chain that makes the truth: the one that draws the scene's ground exactly, shaded like the cell shades.
 pub fn plan(prepared: &Prepared) -> Result<Plan, Diagnostic> {
-    let source = Source::new("ground truth", "[HeightPyramid, RayCast, Shade]");
+    let source = Source::new("ground truth", prepared.data.ground.truth());
     let node = Node::read(&source)?;
     let Kind::List(nodes) = &node.kind else {
         return Err(Diagnostic::run("the ground truth is a list of stages"));
@@ -50,15 +51,18 @@ pub fn plan(prepared: &Prepared) -> Result<Plan, Diagnostic> {
     let stated: Vec<_> = calls.iter().zip(made.iter().map(AsRef::as_ref)).collect();
     let chain = stages::state("ground truth", &prepared.data, &node.origin, &stated, &Capacities::new())?;
     let (drawn, picture): (Drawn<BufferId>, Picture<BufferId>) = (chain.latest()?, chain.latest()?);
-    Ok(Plan::finish(chain, &Demand { outputs: vec![drawn.distance, picture.pixels], keep_everything: false }))
+    Ok(Plan::finish(
+        chain,
+        &Demand { outputs: vec![drawn.distance, picture.pixels], keep_everything: false, reuse: false },
+    ))
 }
 
-impl<'a> Truth<'a> {
-    pub fn new(gpu: &'a Gpu, plan: &'a Plan, prepared: &Prepared) -> Result<Self, GpuError> {
+impl Truth {
+    pub fn new(gpu: &Arc<Gpu>, plan: &Arc<Plan>, prepared: &Prepared) -> Result<Self, GpuError> {
         let [distance, colour] = plan.outputs[..] else {
             return Err(GpuError::Plan("the ground truth has two outputs".into()));
         };
-        let executor = Executor::new(gpu, plan, &prepared.data)?;
+        let mut executor = Executor::new(gpu, plan, &prepared.data)?;
         executor.setup()?;
         Ok(Self { executor, distance, colour, frames: vec![None; plan.frames], bytes: 0 })
     }

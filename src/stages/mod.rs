@@ -19,8 +19,9 @@ use crate::experiment::parameters;
 use crate::experiment::scene::Surface;
 use crate::experiment::tree::Node;
 use crate::kernel::Kernel;
-use crate::plan::{Announced, Capacities, Chain, SceneData};
+use crate::plan::{Announced, Capacities, Chain};
 use crate::reference::Reference;
+use crate::scene::SceneData;
 
 /// Makes the modules and the registry of one list.
 macro_rules! stages {
@@ -195,6 +196,18 @@ pub fn state<'a>(
     stages: &[(&StageCall, &dyn Stage)],
     capacities: &Capacities,
 ) -> Result<Chain<'a>, Diagnostic> {
+    state_and_look(name, data, origin, stages, capacities, &mut |_, _| ())
+}
+
+/// The same, with a look at the chain after each stage, to keep what it has made.
+pub fn state_and_look<'a>(
+    name: &str,
+    data: &'a SceneData,
+    origin: &Origin,
+    stages: &[(&StageCall, &dyn Stage)],
+    capacities: &Capacities,
+    look: &mut dyn FnMut(&mut Chain<'a>, usize),
+) -> Result<Chain<'a>, Diagnostic> {
     let mut chain = Chain::new(name, data, origin).with_capacities(capacities.clone());
     for (index, (call, stage)) in stages.iter().enumerate() {
         let makes = |(call, stage): &(&StageCall, &dyn Stage)| (call.name.clone(), makes(call, *stage));
@@ -202,6 +215,8 @@ pub fn state<'a>(
         chain.announce(Announced { later, makers: Some(makers) });
         chain.begin_stage(&call.name, index, &call.node.head());
         stage.plan(&mut chain)?;
+        look(&mut chain, index);
     }
+    chain.close()?;
     Ok(chain)
 }

@@ -1,5 +1,6 @@
 //! Height sources: procedural noise, exact shapes, elevation files; all become a [`HeightField`].
 
+mod colour;
 mod files;
 mod geotiff;
 mod nodata;
@@ -9,10 +10,11 @@ mod shapes;
 use std::path::Path;
 
 use glam::{DVec2, UVec2};
-use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::experiment::scene::{Dem, Surface, Terrain};
+use crate::experiment::scene::{Dem, Terrain};
+
+pub use colour::ColourMap;
 
 /// Samples a side of the largest terrain that is held in memory (16 384^2 f32 samples are 1 GiB).
 pub const LARGEST_SIDE: u32 = 16_384;
@@ -107,70 +109,6 @@ impl HeightField {
 
     pub fn height_m(&self, column: u32, row: u32) -> f32 {
         self.heights_m[(row * self.size.x + column) as usize]
-    }
-
-    /// Lowest and highest sample in metres.
-    pub fn range_m(&self) -> (f64, f64) {
-        let (low, high) = self.heights_m.iter().fold((f32::MAX, f32::MIN), |(low, high), &h| (low.min(h), high.max(h)));
-        (f64::from(low), f64::from(high))
-    }
-
-    /// The steepest slope of the surface anywhere, as a tangent: nowhere do its heights differ by more than this times the distance.
-    pub fn steepest(&self, surface: Surface) -> f64 {
-        let height = |column, row| f64::from(self.height_m(column, row));
-        let in_cell = |column, row| {
-            let (nw, ne) = (height(column, row), height(column + 1, row));
-            let (sw, se) = (height(column, row + 1), height(column + 1, row + 1));
-            let [north, west, south, east] = [
-                (ne - nw) / self.cell_m.x,
-                (sw - nw) / self.cell_m.y,
-                (se - sw) / self.cell_m.x,
-                (se - ne) / self.cell_m.y,
-            ];
-            match surface {
-                Surface::Triangles => north.hypot(west).max(south.hypot(east)),
-                Surface::Bilinear => north.abs().max(south.abs()).hypot(west.abs().max(east.abs())),
-            }
-        };
-        let in_row = |row| (0..self.size.x - 1).map(|column| in_cell(column, row)).fold(0.0, f64::max);
-        (0..self.size.y - 1).into_par_iter().map(in_row).reduce(|| 0.0, f64::max)
-    }
-
-    /// World metres from the south-west to the north-east sample.
-    pub fn extent_m(&self) -> DVec2 {
-        (self.size - UVec2::ONE).as_dvec2() * self.cell_m
-    }
-
-    /// Sample coordinates (column, row), both continuous, of a world position.
-    pub fn sample_from_world(&self, position_m: DVec2) -> DVec2 {
-        let cells = position_m / self.cell_m;
-        DVec2::new(cells.x, f64::from(self.size.y - 1) - cells.y)
-    }
-
-    /// Exact height of the surface at a world position in f64; positions outside are moved to the border.
-    pub fn surface_m(&self, position_m: DVec2, surface: Surface) -> f64 {
-        let last = (self.size - UVec2::ONE).as_dvec2();
-        let sample = self.sample_from_world(position_m).clamp(DVec2::ZERO, last);
-        let cell = sample.floor().min(last - 1.0).max(DVec2::ZERO);
-        let (u, v) = (sample.x - cell.x, sample.y - cell.y);
-        let (column, row) = (cell.x as u32, cell.y as u32);
-        let height = |dx, dy| f64::from(self.height_m(column + dx, row + dy));
-        let (nw, ne, sw, se) = (height(0, 0), height(1, 0), height(0, 1), height(1, 1));
-        match surface {
-            Surface::Bilinear => (nw * (1.0 - u) + ne * u) * (1.0 - v) + (sw * (1.0 - u) + se * u) * v,
-            // the diagonal from north-east to south-west is u + v = 1
-            Surface::Triangles if u + v <= 1.0 => nw + (ne - nw) * u + (sw - nw) * v,
-            Surface::Triangles => se + (sw - se) * (1.0 - u) + (ne - se) * (1.0 - v),
-        }
-    }
-
-    /// Identity of everything a cell's results depend on in the terrain.
-    pub fn hash(&self) -> String {
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(bytemuck::bytes_of(&self.size.to_array()));
-        hasher.update(bytemuck::bytes_of(&self.cell_m.to_array()));
-        hasher.update(bytemuck::cast_slice(&self.heights_m));
-        hasher.finalize().to_hex().as_str()[..32].to_string()
     }
 }
 

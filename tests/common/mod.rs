@@ -5,6 +5,7 @@ pub mod bounds;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::Arc;
 
 use lodlab::gpu::Gpu;
 use lodlab::plan::BufferId;
@@ -73,15 +74,15 @@ pub struct Ran {
 
 impl Ran {
     /// Runs the chain in a folder that has the tests' kernels; `scene` is what stands between `scene: (` and `)`.
-    pub fn chain(gpu: &Gpu, scene: &str, chain: &str) -> Self {
+    pub fn chain(gpu: &Arc<Gpu>, scene: &str, chain: &str) -> Self {
         Self::frames(gpu, scene, chain).remove(0)
     }
 
     /// The same after each frame of the path.
-    pub fn frames(gpu: &Gpu, scene: &str, chain: &str) -> Vec<Self> {
+    pub fn frames(gpu: &Arc<Gpu>, scene: &str, chain: &str) -> Vec<Self> {
         let folder = Path::new(ROOT).join("tests/kernels_of_tests");
         let setup = Setup::chain(scene, chain, &folder, Keep::Everything).unwrap_or_else(|error| panic!("{error}"));
-        let executor = setup.executor(gpu).unwrap();
+        let mut executor = setup.executor(gpu).unwrap();
         let frame = |frame: usize| {
             executor.frame(frame).unwrap();
             let read = |&id: &BufferId| (setup.plan.buffer(id).name.clone(), executor.read(id).unwrap());

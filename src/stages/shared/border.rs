@@ -6,6 +6,5 @@ use crate::reference::Frame;
 
 /// How far a camera-relative point is inside the terrain's rectangle, in metres.
 pub fn border_margin_m(frame: &Frame, point: DVec3) -> f64 {
-    let world = (point + frame.camera.eye_m).truncate();
-    world.min(frame.data.terrain.extent_m() - world).min_element()
+    frame.ground.margin_m(point + frame.camera.eye_m)
 }

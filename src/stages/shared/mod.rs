@@ -4,7 +4,6 @@ pub mod border;
 pub mod drawn;
 pub mod first_hit;
 pub mod prefix_sums;
-pub mod projector;
-pub mod pyramid;
+pub mod projected;
 pub mod rounding;
 pub mod traversal;

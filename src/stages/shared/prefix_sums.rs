@@ -3,7 +3,7 @@
 use glam::UVec2;
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::{BufferId, Chain, StepBuilder};
 
 /// Number of elements of a buffer that a kernel counts in u32.
@@ -32,7 +32,7 @@ pub fn scan(
 ) -> Result<(), Diagnostic> {
     let length = elements(chain, source)?;
     let runs = length.div_ceil(RUN);
-    let kernel = Kernel::built_in("lists/scan.wgsl")?;
+    let kernel = chain.kernel("lists/scan.wgsl")?;
     let has_tail = f64::from(!length.is_multiple_of(RUN));
     let is_top = runs == 1;
     let mut starts = None;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::Chain;
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -41,11 +41,10 @@ impl Stage for AspectImportance {
         let (columns, rows) = self.size;
         let importance =
             chain.make("importance", Elem::F32, &[rows, columns], "", "length over width of the projected cell");
-        let kernel = Kernel::built_in("grids/aspect_importance.wgsl")?;
+        let kernel = chain.kernel("grids/aspect_importance.wgsl")?;
         chain
             .step("importance", &kernel, "main")
             .bind("importance", importance)
-            .set_projector()
             .set("size", [columns, rows])
             .over(UVec2::from(self.size))
     }

@@ -1,8 +1,9 @@
 use glam::DVec2;
 
 use super::AspectImportance;
+use crate::frame::projector::Projector;
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
-use crate::stages::shared::projector::Projector;
+use crate::stages::shared::projected::ground_off_m;
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for AspectImportance {
@@ -11,7 +12,7 @@ impl Reference for AspectImportance {
         let projector = Projector::new(frame.data, frame.camera);
         let corner = |x: u32, y: u32| {
             let uv = DVec2::new(f64::from(x) / f64::from(columns), f64::from(y) / f64::from(rows));
-            projector.ground_off_m(uv, 10.0 * EPSILON)
+            ground_off_m(&projector, uv, 10.0 * EPSILON)
         };
         let mut importance = Values::missing(&[rows, columns], 1);
         for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {

@@ -8,11 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::experiment::scene::Surface;
-use crate::kernel::{Elem, Kernel};
-use crate::plan::product::{Mesh, PointErrors, what};
+use crate::kernel::Elem;
+use crate::plan::product::{Mesh, NodeRanges, PointErrors, what};
 use crate::plan::{BufferId, Chain, StepBuilder};
-use crate::stages::shared::pyramid::bounds_layout;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -20,9 +18,9 @@ pub const INFO: Info = Info {
     summary: "the error of a projected grid: estimated at its points (Paper), or bounded with the grid raised above the surface (Proven)",
     formula: "delta = max(h_max - h_avg, h_avg - h_min); rho = lambda delta / |p - e|; error = 0 if rho < gamma, else 1 - gamma / rho",
     source: "Loeffler et al. 2009, Eq. 2, 3, 4 and the displacement by the maximum; Proven is ours: docs/proven_bound.md",
-    reads: &["height", "height_max", "height_min", "height_plane", "plane_slope"],
+    reads: &["height_plane", "plane_slope"],
     writes: &["vertex", "grid_error", "cell_bound", "cell_raise"],
-    needs: &[what::<Mesh<()>>()],
+    needs: &[what::<Mesh<()>>(), what::<NodeRanges<()>>()],
     offers: &[what::<Mesh<()>>(), what::<PointErrors<()>>()],
     parameters: schema::<GridError>,
     read: read_as::<GridError>,
@@ -74,9 +72,7 @@ impl Stage for GridError {
             );
         }
         let size = chain.grid_size(grid.vertex, Elem::Vec4F32)?;
-        let samples = chain.data.terrain.size;
-        let height = chain.read_as("height", Elem::F32, &[samples.y, samples.x])?;
-        let inputs = Inputs { vertices: grid.vertex, size, height };
+        let inputs = Inputs { vertices: grid.vertex, size };
         match self.rule {
             Rule::Paper => paper::plan(chain, inputs, self.threshold_px),
             Rule::Proven => proven::plan(chain, inputs, self.threshold_px),
@@ -90,7 +86,6 @@ struct Inputs {
     vertices: BufferId,
     /// Columns and rows of vertices.
     size: UVec2,
-    height: BufferId,
 }
 
 impl Inputs {
@@ -101,18 +96,7 @@ impl Inputs {
         file: &str,
         entry: &str,
     ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-        let layout = bounds_layout(chain.data.terrain.size);
-        let kernel = Kernel::built_in(file)?;
-        Ok(chain
-            .step(entry, &kernel, entry)
-            .bind("vertex", self.vertices)
-            .set_terrain()
-            .set("grid", self.size.to_array())
-            .set("stride", layout.stride)
-            .set("tall_pow2", layout.tall_pow2))
-    }
-
-    fn is_bilinear(chain: &Chain) -> f64 {
-        f64::from(chain.data.scene.surface == Surface::Bilinear)
+        let kernel = chain.kernel(file)?;
+        Ok(chain.step(entry, &kernel, entry).bind("vertex", self.vertices).set("grid", self.size.to_array()))
     }
 }

@@ -5,12 +5,8 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
 use crate::plan::Chain;
 use crate::plan::product::{Grid, Mesh, PointErrors, Promise};
-use crate::stages::shared::pyramid::bounds_layout;
 
 pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), Diagnostic> {
-    let layout = bounds_layout(chain.data.terrain.size);
-    let highest = chain.read_as("height_max", Elem::F32, &layout.dims())?;
-    let lowest = chain.read_as("height_min", Elem::F32, &layout.dims())?;
     let dims = [inputs.size.y, inputs.size.x];
     let meaning = "x east, y north, z up from the eye; w: normalised error";
     let moved = chain.make("vertex", Elem::Vec4F32, &dims, "m", meaning);
@@ -19,12 +15,8 @@ pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), 
     let lambda = f64::from(scene.viewport.1) / scene.fov_deg.to_radians();
     inputs
         .step(chain, "grids/grid_error_paper.wgsl", "paper")?
-        .set("top", layout.top)
         .set("threshold_px", threshold_px as f32)
         .set("lambda", lambda as f32)
-        .bind("height", inputs.height)
-        .bind("height_min", lowest)
-        .bind("height_max", highest)
         .bind("moved", moved)
         .bind_if_wanted("grid_error", errors, "WRITE_ERROR")
         .over(inputs.size)?;

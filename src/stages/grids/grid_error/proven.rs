@@ -5,26 +5,22 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
 use crate::plan::Chain;
 use crate::plan::product::{Grid, Mesh, Promise};
-use crate::stages::shared::pyramid::bounds_layout;
 use crate::stages::shared::rounding::PROOF_SNAP_PX;
 
 const KERNEL: &str = "grids/grid_error_proven.wgsl";
 
 pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), Diagnostic> {
-    let layout = bounds_layout(chain.data.terrain.size);
-    let planes = chain.read_as("height_plane", Elem::Vec2F32, &layout.dims())?;
-    let slopes = chain.read_as("plane_slope", Elem::U32, &layout.dims())?;
+    chain.check_scene_ground()?;
+    let layout = chain.lattice().cells();
+    let planes = chain.read_of_ground("height_plane", Elem::Vec2F32, &layout.dims())?;
+    let slopes = chain.read_of_ground("plane_slope", Elem::U32, &layout.dims())?;
     let cells = [inputs.size.y - 1, inputs.size.x - 1];
     let meaning = "lowest and highest of surface minus plane, for both triangles of each cell";
     let bounds = chain.make("cell_bound", Elem::Vec4F32, &cells, "m", meaning);
     let raises = chain.make("cell_raise", Elem::F32, &cells, "m", "how far a cell's corners have to rise");
-    let is_bilinear = Inputs::is_bilinear(chain);
     inputs
         .step(chain, KERNEL, "bound")?
-        .constant("BILINEAR", is_bilinear)
-        .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
         .set("snap_px", PROOF_SNAP_PX)
-        .bind("height", inputs.height)
         .bind("height_plane", planes)
         .bind("plane_slope", slopes)
         .bind("cell_bound", bounds)
@@ -34,8 +30,6 @@ pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), 
     let moved = chain.make("vertex", Elem::Vec4F32, &[inputs.size.y, inputs.size.x], "m", meaning);
     inputs
         .step(chain, KERNEL, "raise")?
-        .constant("BILINEAR", is_bilinear)
-        .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
         .set("snap_px", PROOF_SNAP_PX)
         .bind("raises", raises)
         .bind("moved", moved)

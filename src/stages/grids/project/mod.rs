@@ -6,11 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::experiment::scene::Surface;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::Chain;
 use crate::plan::product::{Grid, Mesh, what};
-use crate::stages::shared::pyramid::Layout;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -18,7 +16,7 @@ pub const INFO: Info = Info {
     summary: "grid points to terrain vertices: ray to the base plane, height from the mean pyramid",
     formula: "P = V + v_z / (v_z - g_z) (G - V); level = max(0, log2(distance to the farthest neighbour, in cells))",
     source: "Livny et al. 2008, Eq. 1, 2, 6; Loeffler et al. 2009, Eq. 1; projector after Johanson 2004",
-    reads: &["grid_point", "height", "height_mean"],
+    reads: &["grid_point", "height_mean"],
     writes: &["vertex"],
     offers: &[what::<Mesh<()>>()],
     parameters: schema::<Project>,
@@ -69,12 +67,13 @@ impl Stage for Project {
         let points = chain.read("grid_point")?;
         let size = chain.grid_size(points, Elem::Vec2F32)?;
         let (columns, rows) = (size.x, size.y);
-        let samples = chain.data.terrain.size;
-        let layout = Layout::new(samples);
-        let height = chain.read_as("height", Elem::F32, &[samples.y, samples.x])?;
-        let finest = self.finest(chain.data.is_flat());
-        let mean = if finest { height } else { chain.read_as("height_mean", Elem::F32, &layout.dims())? };
-        if chain.data.is_flat() && self.filter != Filter::Finest {
+        let layout = chain.lattice().means();
+        let finest = self.finest(chain.is_flat());
+        let mean = match finest {
+            true => None,
+            false => Some(chain.read_of_ground("height_mean", Elem::F32, &layout.dims())?),
+        };
+        if chain.is_flat() && self.filter != Filter::Finest {
             chain.leave_out("the mean pyramid", "the terrain is flat, every level is the same", 0, 0);
         }
         let vertices = chain.make(
@@ -84,23 +83,16 @@ impl Stage for Project {
             "m",
             "x east, y north, z up from the eye; w: pyramid level",
         );
-        let made = chain.buffer(mean).top_level.unwrap_or(layout.top);
-        let kernel = Kernel::built_in("grids/project.wgsl")?;
-        let bilinear = chain.data.scene.surface == Surface::Bilinear;
+        let made = mean.and_then(|mean| chain.buffer(mean).top_level).unwrap_or(layout.top);
+        let kernel = chain.kernel("grids/project.wgsl")?;
         chain
             .step("project", &kernel, "main")
             .bind("grid_point", points)
-            .bind("height", height)
-            .bind("height_mean", mean)
+            .bind_or_leave("height_mean", mean)
             .bind("vertex", vertices)
             .constant("FINEST", f64::from(finest))
-            .constant("BILINEAR", f64::from(bilinear))
             .constant("BLEND", f64::from(self.filter == Filter::Trilinear))
-            .set_terrain()
-            .set_projector()
             .set("grid", [columns, rows])
-            .set("stride", layout.stride)
-            .set("tall_pow2", layout.tall_pow2)
             .set("max_level", self.top(made))
             .over(UVec2::new(columns, rows))?;
         chain.offer(Mesh::Grid(Grid { vertex: vertices, cell_bound: None, promise: None }));

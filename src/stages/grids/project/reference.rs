@@ -2,24 +2,26 @@ use glam::{DVec2, UVec2};
 
 use super::{Filter, Project};
 use crate::experiment::scene::Surface;
+use crate::frame::projector::Projector;
+use crate::ground::cell::Cell;
+use crate::ground::pyramid::Layout;
 use crate::plan::product::{Grid, Mesh};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
-use crate::stages::shared::projector::Projector;
-use crate::stages::shared::pyramid::Layout;
+use crate::stages::shared::projected::ground_off_m;
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for Project {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let points = buffers.get("grid_point")?;
         let height = buffers.get("height")?;
-        let means = if self.finest(frame.data.is_flat()) { height.clone() } else { buffers.get("height_mean")? };
+        let means = if self.finest(frame.is_flat()) { height.clone() } else { buffers.get("height_mean")? };
         let heights = Heights { height: &height, means: &means };
         let (rows, columns) = (points.dims[0], points.dims[1]);
         let projector = Projector::new(frame.data, frame.camera);
         let ground = |column: u32, row: u32| {
             let at = 2 * (row * columns + column) as usize;
             let uv = DVec2::new(points.value[at], points.value[at + 1]);
-            projector.ground_off_m(uv, points.bound[at] + points.bound[at + 1])
+            ground_off_m(&projector, uv, points.bound[at] + points.bound[at + 1])
         };
         let mut vertices = Values::missing(&[rows, columns], 4);
         for row in 0..rows {
@@ -54,7 +56,7 @@ impl Project {
         off_m: f64,
         neighbours: &[(DVec2, f64)],
     ) -> [(f64, f64); 4] {
-        let terrain = &frame.data.terrain;
+        let terrain = frame.lattice();
         let eye_m = frame.camera.eye_m;
         let last = (terrain.size - UVec2::ONE).as_dvec2();
         let sample = terrain.sample_from_world(here + eye_m.truncate()).clamp(DVec2::ZERO, last);
@@ -67,10 +69,10 @@ impl Project {
             heights,
             size: terrain.size,
             layout,
-            range_m: frame.data.range_m,
+            range_m: frame.ground.range_m(),
             surface: frame.data.scene.surface,
         };
-        if self.finest(frame.data.is_flat()) {
+        if self.finest(frame.is_flat()) {
             let (height_m, bound) = field.height(0, sample, off_cells);
             return [(here.x, off_m), (here.y, off_m), (height_m - eye_m.z, bound), (0.0, 0.0)];
         }
@@ -133,11 +135,8 @@ impl Pyramid<'_> {
         let w = place - low;
         let node = |dx: f64, dy: f64| self.node(level, low.x + dx, low.y + dy);
         let (nw, ne, sw, se) = (node(0.0, 0.0), node(1.0, 0.0), node(0.0, 1.0), node(1.0, 1.0));
-        let height = match (level, self.surface) {
-            (0, Surface::Triangles) if w.x + w.y <= 1.0 => nw + (ne - nw) * w.x + (sw - nw) * w.y,
-            (0, Surface::Triangles) => se + (sw - se) * (1.0 - w.x) + (ne - se) * (1.0 - w.y),
-            _ => (nw * (1.0 - w.x) + ne * w.x) * (1.0 - w.y) + (sw * (1.0 - w.x) + se * w.x) * w.y,
-        };
+        let surface = if level == 0 { self.surface } else { Surface::Bilinear };
+        let height = Cell { nw, ne, sw, se }.surface_m(w, surface);
         // a place that is off by `off` meets the steepest slope around, neighbours of the cell included
         let around = (-1..=2).flat_map(|dy| (-1..=2).map(move |dx| (f64::from(dx), f64::from(dy))));
         let heights = around.map(|(dx, dy)| node(dx, dy));

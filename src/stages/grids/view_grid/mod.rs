@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::Chain;
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -46,7 +46,7 @@ impl Stage for ViewGrid {
             "",
             "place in the projector's image, (0, 0) to (1, 1)",
         );
-        let kernel = Kernel::built_in("grids/view_grid.wgsl")?;
+        let kernel = chain.kernel("grids/view_grid.wgsl")?;
         chain
             .step("grid", &kernel, "main")
             .bind("grid_point", points)

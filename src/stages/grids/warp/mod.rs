@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::{BufferId, Chain, StepBuilder};
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -131,7 +131,7 @@ impl Warp {
         round: u32,
         (size, grid): (UVec2, UVec2),
     ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-        let kernel = Kernel::built_in("grids/warp.wgsl")?;
+        let kernel = chain.kernel("grids/warp.wgsl")?;
         Ok(chain
             .step(&format!("{entry} {}", round + 1), &kernel, entry)
             .constant("COMPENSATED", f64::from(self.sums == Sums::Compensated))

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::product::{Listing, what};
 use crate::plan::{BufferId, Chain, StepBuilder};
 use crate::stages::shared::prefix_sums::{RUN, elements, over_runs, scan};
@@ -113,7 +113,7 @@ impl Compact {
         entry: &str,
         source: &Source,
     ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-        let kernel = Kernel::built_in("lists/compact.wgsl")?;
+        let kernel = chain.kernel("lists/compact.wgsl")?;
         Ok(chain
             .step(entry, &kernel, entry)
             .constant("NUMBERS", f64::from(source.numbers))

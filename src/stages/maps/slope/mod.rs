@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::Chain;
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -14,7 +14,6 @@ pub const INFO: Info = Info {
     summary: "how steep the ground is at each height sample, and which way it falls",
     formula: "slope = atan |g|; aspect = atan2(-g_east, -g_north); g by differences over a 3 x 3 window",
     source: "Horn 1981, Hill shading and the reflectance map, Eq. for p and q",
-    reads: &["height"],
     writes: &["slope", "aspect"],
     parameters: schema::<Slope>,
     read: read_as::<Slope>,
@@ -40,22 +39,18 @@ enum Differences {
 
 impl Stage for Slope {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let size = chain.data.terrain.size;
-        let cell_m = chain.data.terrain.cell_m.as_vec2();
-        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        let size = chain.lattice().size;
         let dims = [size.y, size.x];
         let slope = chain.make("slope", Elem::F32, &dims, "degrees", "angle of the ground with a level plane");
         let aspect =
             chain.make("aspect", Elem::F32, &dims, "degrees", "the way the ground falls, clockwise from north");
         chain.set_missing_below_zero(aspect);
+        let kernel = chain.kernel("maps/slope.wgsl")?;
         chain
-            .step("slope", &Kernel::built_in("maps/slope.wgsl")?, "main")
-            .bind("height", height)
+            .step("slope", &kernel, "main")
             .bind_if_wanted("slope", slope, "WRITE_SLOPE")
             .bind_if_wanted("aspect", aspect, "WRITE_ASPECT")
             .constant("HORN", f64::from(self.differences == Differences::Horn))
-            .set("size", size.to_array())
-            .set("cell_m", cell_m.to_array())
             .over(size)
     }
 }

@@ -10,7 +10,7 @@ const ATAN_OFF: f64 = 4096.0 * 2.0 * EPSILON;
 impl Reference for Slope {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let height = buffers.get("height")?;
-        let size = frame.data.terrain.size;
+        let size = frame.lattice().size;
         let mut slope = Values::missing(&height.dims, 1);
         let mut aspect = Values::missing(&height.dims, 1);
         for (y, x) in (0..size.y).flat_map(|y| (0..size.x).map(move |x| (y, x))) {
@@ -47,7 +47,7 @@ impl Slope {
             rise += here * (weight / total);
             terms += here.abs() * (weight / total);
         }
-        let cell_m = frame.data.terrain.cell_m;
+        let cell_m = frame.lattice().cell_m;
         // a difference, four sums and products, the cell's size and a division
         (rise / cell_m, (terms * 12.0 * EPSILON / cell_m).length())
     }

@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::experiment::parameters::schema;
 use crate::experiment::tree::{Kind, Node};
-use crate::kernel::{Elem, FieldKind, Kernel as Wgsl};
-use crate::plan::{BufferId, Chain, Value};
+use crate::kernel::{BindingKind, Elem, FieldKind, Kernel as Wgsl, Value};
+use crate::plan::{BufferId, Chain};
 use crate::stages::{Example, Info, Stage};
 use offer::Offered;
 use read::structures;
@@ -22,7 +22,7 @@ pub const INFO: Info = Info {
     name: "Kernel",
     summary: "a WGSL kernel of your own, with no Rust",
     formula: "yours",
-    source: "bindings by variable name; parameters by field name; `camera`, `terrain` and `size` are filled in if the kernel has them",
+    source: "bindings by variable name; parameters by field name; `size`, `cell_m` and the structures of `kernels/lib` (`Camera`, `View`, `Terrain`, `Projector`, ..) are filled in if the kernel has them",
     parameters: schema::<Fields>,
     read: read::read,
     examples: &[
@@ -36,6 +36,11 @@ pub const INFO: Info = Info {
              over: \"smooth\", repeat: 3, ping_pong: (\"src\", \"dst\"))]",
         )
         .with_files(&[("smooth.wgsl", SMOOTH)]),
+        Example::new(
+            "[HeightPyramid, RayCast, Kernel(file: \"change.wgsl\", bind: {\"now\": \"distance\", \"before\": Last(\"distance\"), \
+             \"change\": New(name: \"change\", of: F32, like: \"distance\")}, over: \"change\")]",
+        )
+        .with_files(&[("change.wgsl", CHANGE)]),
     ],
     ..Info::EMPTY
 };
@@ -43,6 +48,7 @@ pub const INFO: Info = Info {
 /// The kernels that ship as examples; their formulas are known to the reference.
 const CURVATURE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/kernels/curvature.wgsl"));
 const SMOOTH: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/kernels/smooth.wgsl"));
+const CHANGE: &str = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/kernels/change.wgsl"));
 
 /// The fields as they are documented; `read` takes them one by one, to say where a mistake is.
 #[derive(Serialize, JsonSchema)]
@@ -52,8 +58,8 @@ struct Fields {
     /// entry point
     #[serde(default = "main_entry")]
     entry: String,
-    /// map from WGSL variables to buffers: "name", or New(name: .., of: F32, like: "name" or size: (columns, rows)); with `as: Distance`,
-    /// `Colour`, `Error` or `Grid` the new buffer is offered to the stages and measures that need such
+    /// map from WGSL variables to buffers: "name", Last("name") as the frame before left it, or New(name: .., of: F32, like: "name" or size: (columns, rows)); with `as: Distance`,
+    /// `Colour`, `Error` or `Grid` the new buffer is offered to the stages and measures that need such; one that is called `height` is the ground of the stages after it
     bind: BTreeMap<String, String>,
     /// fields of the kernel's uniform structure
     #[serde(default)]
@@ -94,6 +100,8 @@ pub struct Kernel {
 #[derive(Clone, Debug)]
 enum Attached {
     Existing(String),
+    /// What the chain left in a buffer in the frame before.
+    Last(String),
     New(New),
 }
 
@@ -122,22 +130,26 @@ enum Over {
 impl Kernel {
     fn value(&self, name: &str, node: &Node) -> Result<Value, Diagnostic> {
         let field = structures(&self.kernel).flat_map(|structure| &structure.fields).find(|field| field.name == name);
-        let Some(field) = field else { return Ok(Value::U32(Vec::new())) };
+        // `read` has refused parameters that the kernel does not have
+        let Some(field) = field else { return Ok(Value::from(0)) };
         let items: Vec<Node> = match &node.kind {
             Kind::Tuple { items, .. } | Kind::List(items) => items.clone(),
             _ => vec![node.clone()],
         };
-        let (FieldKind::F32(components) | FieldKind::U32(components) | FieldKind::I32(components)) = field.kind;
+        let components = field.kind.components();
         if items.len() != components as usize {
             return Err(Diagnostic::input(format!("`{name}` has {components} component(s), {} given", items.len()))
                 .at(&node.origin, "this value")
                 .at(&field.origin, "declared here"));
         }
-        match field.kind {
-            FieldKind::F32(_) => items.iter().map(Node::parse).collect::<Result<_, _>>().map(Value::F32),
-            FieldKind::U32(_) => items.iter().map(Node::parse).collect::<Result<_, _>>().map(Value::U32),
-            FieldKind::I32(_) => items.iter().map(Node::parse).collect::<Result<_, _>>().map(Value::I32),
+        fn numbers<T: serde::de::DeserializeOwned>(items: &[Node]) -> Result<Vec<T>, Diagnostic> {
+            items.iter().map(Node::parse).collect()
         }
+        Ok(match field.kind {
+            FieldKind::F32(_) => Value::from(numbers::<f32>(&items)?.as_slice()),
+            FieldKind::U32(_) => Value::from(numbers::<u32>(&items)?.as_slice()),
+            FieldKind::I32(_) => Value::from(numbers::<i32>(&items)?.as_slice()),
+        })
     }
 
     fn size(&self, chain: &Chain, new: &New, origin: &Origin) -> Result<Vec<u32>, Diagnostic> {
@@ -155,12 +167,21 @@ impl Kernel {
         }
     }
 
+    /// What a variable is an array of; one that is none is refused when the step is stated.
+    fn element(&self, variable: &str) -> Elem {
+        match self.kernel.binding(variable) {
+            Some(BindingKind::Storage { elem, .. }) => *elem,
+            _ => Elem::F32,
+        }
+    }
+
     /// The buffers of each variable for every repetition.
     fn buffers(&self, chain: &mut Chain) -> Result<Vec<Vec<(String, BufferId)>>, Diagnostic> {
         let mut attached = Vec::new();
         for (variable, what, origin) in &self.bind {
             let id = match what {
                 Attached::Existing(name) => chain.read(name).map_err(|error| error.at(origin, "asked for here"))?,
+                Attached::Last(name) => chain.last_frame(name, self.element(variable), origin),
                 Attached::New(new) => {
                     let dims = self.size(chain, new, origin)?;
                     let id = chain.make(&new.name, new.of, &dims, "", &format!("made by `{}`", self.kernel.name));
@@ -209,7 +230,7 @@ impl Kernel {
                 .at(&self.over_origin, "expected a buffer of three U32"));
         }
         let limited = chain.make(&format!("{name}_limited"), Elem::U32, &[3], "", "workgroups along x, y, z");
-        let kernel = Wgsl::built_in("own/kernel_limit_groups.wgsl")?;
+        let kernel = chain.kernel("own/kernel_limit_groups.wgsl")?;
         let step = chain.step("limit groups", &kernel, "limit");
         step.bind("groups", id).bind("limited", limited).over(UVec2::ONE)?;
         Ok(limited)
@@ -220,7 +241,7 @@ impl Stage for Kernel {
     fn makes(&self) -> Option<Vec<String>> {
         let new = |(_, attached, _): &(String, Attached, Origin)| match attached {
             Attached::New(new) => Some(new.name.clone()),
-            Attached::Existing(_) => None,
+            Attached::Existing(_) | Attached::Last(_) => None,
         };
         Some(self.bind.iter().filter_map(new).collect())
     }
@@ -238,7 +259,8 @@ impl Stage for Kernel {
                 }
             }
         };
-        let workgroup = self.kernel.entry(&self.entry)?.workgroup_size;
+        let kernel = self.kernel.with_ground(chain.ground_form())?;
+        let workgroup = kernel.entry(&self.entry)?.workgroup_size;
         let groups = UVec2::new(size.x.div_ceil(workgroup[0]), size.y.div_ceil(workgroup[1]));
         if size.min_element() == 0 || groups.max_element() > 65_535 {
             return Err(Diagnostic::input(format!("a kernel over {} x {} elements", size.x, size.y))
@@ -256,14 +278,14 @@ impl Stage for Kernel {
                 .iter()
                 .map(|(name, node, _)| Ok((name.clone(), self.value(name, node)?)))
                 .collect::<Result<_, Diagnostic>>()?;
-            let mut step = chain.step(&label, &self.kernel, &self.entry);
+            let mut step = chain.step(&label, &kernel, &self.entry);
             for (name, value) in values {
                 step = step.set(&name, value);
             }
             for (variable, id) in &attached {
                 step = step.bind(variable, *id);
             }
-            let step = step.set("size", size.to_array()).set_terrain().set_camera();
+            let step = step.set("size", size.to_array());
             match groups_in {
                 Some(buffer) => step.over_indirect(buffer)?,
                 None => step.over(size)?,

@@ -4,9 +4,10 @@ use serde::Deserialize;
 
 use super::{Attached, Kernel, New};
 use crate::experiment::diagnostic::Diagnostic;
-use crate::kernel::Elem;
+use crate::kernel::{Elem, Packing};
 use crate::plan::product::{Drawn, Grid, Mesh, Picture};
-use crate::plan::{BufferId, Chain, Packing};
+use crate::plan::{BufferId, Chain};
+use crate::scene::HEIGHT;
 
 /// What a new buffer is offered as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -60,6 +61,10 @@ impl Kernel {
     pub(super) fn offer(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         for (_, attached, _) in &self.bind {
             let Attached::New(new) = attached else { continue };
+            if new.name == HEIGHT {
+                let Some(id) = chain.find(HEIGHT) else { continue };
+                chain.change_ground(id)?;
+            }
             let (Some(offered), Some(id)) = (new.offered()?, chain.find(&new.name)) else { continue };
             match offered {
                 Offered::Distance => {

@@ -42,7 +42,7 @@ pub(super) fn read(node: &Node, folder: &Path) -> Result<Box<dyn Stage>, Diagnos
         Diagnostic::input(format!("cannot read the kernel `{}`: {error}", path.display()))
             .at(&file_node.origin, "this file")
     })?;
-    let kernel = Wgsl::from_source(Source::new(path.display().to_string(), text), false)?;
+    let kernel = Wgsl::from_source(Source::new(path.display().to_string(), text), false, None)?;
     let entry: String = node.field("entry").map_or(Ok("main".into()), Node::parse)?;
     if kernel.entry(&entry)?.stage != naga::ShaderStage::Compute {
         return Err(Diagnostic::input(format!("`{entry}` is no compute entry point"))
@@ -73,9 +73,10 @@ fn read_bind(node: &Node) -> Result<Vec<(String, Attached, Origin)>, Diagnostic>
         return Err(Diagnostic::input("`bind` is a map from WGSL variables to buffers")
             .at(&node.origin, "expected `{ \"variable\": \"buffer\" }`"));
     };
-    let attached = |value: &Node| match value.name() {
-        Some(_) => value.parse().map(Attached::New),
-        None => value.parse().map(Attached::Existing),
+    let attached = |value: &Node| match (&value.kind, value.name()) {
+        (Kind::Tuple { items, .. }, Some("Last")) if items.len() == 1 => items[0].parse().map(Attached::Last),
+        (_, Some(_)) => value.parse().map(Attached::New),
+        (_, None) => value.parse().map(Attached::Existing),
     };
     entries.iter().map(|(key, value)| Ok((key.parse()?, attached(value)?, value.origin.clone()))).collect()
 }

@@ -1,30 +1,88 @@
 //! A user's formula is not known here, but those of the kernels that ship as examples are: what binds, repeats and swaps their buffers
 //! is checked with them.
 
-use super::{Attached, CURVATURE, Kernel, SMOOTH};
+use std::sync::Arc;
+
+use super::{Attached, CHANGE, CURVATURE, Kernel, SMOOTH};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
+use crate::scene::HEIGHT;
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for Kernel {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let attached = |variable: &str| {
-            let found = self.bind.iter().find(|(name, ..)| name == variable).map(|(_, attached, _)| attached);
-            found.ok_or_else(|| Absent(format!("the variable `{variable}`")))
-        };
         let unknown = || Absent(format!("the formula of `{}`", self.kernel.name));
-        let Attached::Existing(source) = attached("src")? else { return Err(unknown()) };
-        let Attached::New(made) = attached("dst")? else { return Err(unknown()) };
-        let mut values = (*buffers.get(source)?).clone();
-        for _ in 0..self.repeat {
-            values = match self.kernel.assembled.main.text.as_str() {
-                CURVATURE => curvature(frame, &values, self.scale()),
-                SMOOTH => smooth(&values),
-                _ => return Err(unknown()),
-            };
+        let formula = match self.kernel.assembled.main.text.as_str() {
+            CURVATURE => Formula::Curvature,
+            SMOOTH => Formula::Smooth,
+            CHANGE => Formula::Change,
+            _ => return Err(unknown()),
+        };
+        let made = self.bind.iter().find_map(|(_, attached, _)| match attached {
+            Attached::New(new) => Some(new.name.as_str()),
+            _ => None,
+        });
+        let made = made.ok_or_else(unknown)?;
+        let values = match formula {
+            Formula::Change => {
+                let now = self.source("now", frame, buffers)?.ok_or_else(unknown)?;
+                change(&now, self.source("before", frame, buffers)?.as_deref())
+            }
+            _ => {
+                let mut values = (*self.source("src", frame, buffers)?.ok_or_else(unknown)?).clone();
+                for _ in 0..self.repeat {
+                    values = match formula {
+                        Formula::Smooth => smooth(&values),
+                        _ => curvature(frame, &values, self.scale()),
+                    };
+                }
+                values
+            }
+        };
+        let id = buffers.put(made, values);
+        if made == HEIGHT {
+            buffers.change_ground(id);
         }
-        buffers.put(&made.name, values);
         Ok(())
     }
+}
+
+/// What is known of the kernels that ship as examples.
+#[derive(Clone, Copy)]
+enum Formula {
+    Curvature,
+    Smooth,
+    Change,
+}
+
+impl Kernel {
+    /// What a variable is attached to; nothing if that is of the frame before, and there was none.
+    fn source(&self, variable: &str, frame: &Frame, buffers: &Buffers) -> Result<Option<Arc<Values>>, Absent> {
+        let found = self.bind.iter().find(|(name, ..)| name == variable).map(|(_, attached, _)| attached);
+        match found {
+            Some(Attached::Existing(name)) => buffers.get(name).map(Some),
+            Some(Attached::Last(name)) => frame.previous.map(|previous| previous.get(name)).transpose(),
+            _ => Err(Absent(format!("the variable `{variable}`"))),
+        }
+    }
+}
+
+/// How much farther each pixel's surface is than it was before; 0 where it is not known in both frames.
+fn change(now: &Values, before: Option<&Values>) -> Values {
+    let mut made = Values::exact(&now.dims, 1, vec![0.0; now.value.len()]);
+    let Some(before) = before else { return made };
+    for at in 0..now.value.len() {
+        let (a, b) = (now.value[at], before.value[at]);
+        let off = now.bound[at] + before.bound[at];
+        // below 0 there is no surface, as long as rounding does not decide that
+        let is_known = a >= 0.0 && b >= 0.0;
+        let is_near = a.abs() < now.bound[at] || b.abs() < before.bound[at];
+        match is_known {
+            _ if off.is_infinite() || is_near => made.set(at, 0.0, f64::INFINITY),
+            true => made.set(at, a - b, off + EPSILON * (a - b).abs()),
+            false => made.set(at, 0.0, 0.0),
+        }
+    }
+    made
 }
 
 impl Kernel {
@@ -37,7 +95,7 @@ impl Kernel {
 /// The Laplacian by central differences, 0 at the border.
 fn curvature(frame: &Frame, source: &Values, scale: f64) -> Values {
     let [rows, columns] = source.dims[..] else { return Values::missing(&source.dims, 1) };
-    let cell_m = frame.data.terrain.cell_m;
+    let cell_m = frame.lattice().cell_m;
     let mut made = Values::exact(&source.dims, 1, vec![0.0; source.value.len()]);
     for (y, x) in (1..rows.saturating_sub(1)).flat_map(|y| (1..columns.saturating_sub(1)).map(move |x| (y, x))) {
         let at = (y * columns + x) as usize;

@@ -9,7 +9,7 @@ use crate::plan::product::{Drawn, Grid, Mesh};
 use crate::plan::{BufferId, Chain, StepBuilder, Vertices};
 use crate::stages::shared::drawn::make_distance;
 use crate::stages::shared::rounding::PROOF_SNAP_PX;
-use crate::stages::shared::traversal::Traversed;
+use crate::stages::shared::traversal::known_tiles;
 
 /// Nothing nearer than this is drawn, in metres along the view direction.
 pub(super) const NEAR_M: f32 = 0.1;
@@ -18,10 +18,8 @@ pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<Buff
     let size = chain.grid_size(grid.vertex, Elem::Vec4F32)?;
     let strip = strip(chain, size)?;
     let is_proven = grid.promise.is_some_and(|promise| promise.proven);
-    // a grid without bounds has another buffer in their place, which is not looked at
-    let bounds = grid.cell_bound.unwrap_or(grid.vertex);
     let tiles = match is_proven && chain.find("clear_until").is_some() && !chain.data.sees_underside {
-        true => Some(Traversed::known_tiles(chain)?),
+        true => Some(known_tiles(chain)?),
         false => None,
     };
     let (elem, meaning) = match grid.promise {
@@ -35,13 +33,12 @@ pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<Buff
     let error = grid.promise.map(|_| chain.make("error", Elem::F32, &[rows, columns], "", meaning));
     let (fragment, resolve) = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
     let draw = grid_step(chain, &grid, size, "draw", "draw", tiles)?;
-    draw.bind("vertex", grid.vertex).bind("cell_bound", bounds).draw_strip(strip, drawn, fragment)?;
+    draw.bind("vertex", grid.vertex).bind_or_leave("cell_bound", grid.cell_bound).draw_strip(strip, drawn, fragment)?;
     let resolve = grid_step(chain, &grid, size, "resolve", resolve, tiles)?;
     let resolve = resolve.bind("drawn", drawn).bind("distance", distance);
-    let resolve = match (error, tiles) {
-        (None, _) => resolve,
-        (Some(error), Some(tiles)) => resolve.bind("error", error).bind("clear_until", tiles),
-        (Some(error), None) => resolve.bind("error", error).leave_unbound("clear_until"),
+    let resolve = match error {
+        None => resolve,
+        Some(error) => resolve.bind("error", error).bind_or_leave("clear_until", tiles),
     };
     resolve.over(UVec2::new(columns, rows))?;
     Ok(Drawn { distance, error, mesh: Some(Mesh::Grid(grid)), promise: grid.promise })
@@ -76,6 +73,5 @@ fn grid_step<'c, 'a>(
         .constant("DISCARD", f64::from(sees_underside))
         .set("grid", size.to_array())
         .set("threshold_px", threshold_px as f32)
-        .set("snap_px", PROOF_SNAP_PX)
-        .set_per_frame("focal_px", |camera| camera.focal_px() as f32))
+        .set("snap_px", PROOF_SNAP_PX))
 }

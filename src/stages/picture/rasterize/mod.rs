@@ -2,15 +2,12 @@ mod grid;
 mod list;
 mod reference;
 
-use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::experiment::scene::Surface;
-use crate::kernel::Kernel;
 use crate::plan::product::{Drawn, Mesh, what};
 use crate::plan::{Chain, StepBuilder};
 use crate::stages::{Example, Info, Stage, read_as};
@@ -67,13 +64,6 @@ fn step<'c, 'a>(
     entry: &str,
     near_m: f32,
 ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-    let kernel = Kernel::built_in(file)?;
-    let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
-    let step = chain.step(label, &kernel, entry).set_camera().set_terrain();
-    Ok(step
-        .set("near_m", near_m)
-        .set_per_frame("view_right", axis(|camera| camera.world_from_view.x_axis))
-        .set_per_frame("view_up", axis(|camera| camera.world_from_view.y_axis))
-        .set_per_frame("view_forward", axis(|camera| camera.world_from_view.z_axis))
-        .set_per_frame("half_tan", |camera| camera.half_tan.as_vec2().to_array()))
+    let kernel = chain.kernel(file)?;
+    Ok(chain.step(label, &kernel, entry).set("near_m", near_m))
 }

@@ -1,13 +1,17 @@
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, UVec2};
 
-use super::{Shade, height_range_m, sun_direction};
+use super::{Shade, sun_direction};
+use crate::frame::relief::height_range_m;
 use crate::plan::product::{Drawn, Picture};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
+use crate::scene::COLOUR_MAP;
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for Shade {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let drawn: Drawn<_> = buffers.latest()?;
+        let map = if self.map { buffers.find(COLOUR_MAP).map(|id| buffers.values(id)) } else { None };
+        let map = map.as_deref();
         let distance = buffers.values(drawn.distance);
         let (width_px, height_px) = frame.camera.viewport;
         let mut colour = Values::missing(&[height_px, width_px], 4);
@@ -17,7 +21,7 @@ impl Reference for Shade {
                 let ray = frame.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
                 let (here, spread) = match distance.value[at] {
                     t if t.is_nan() => (sky(ray), DVec3::ZERO),
-                    t => self.ground(frame, ray, t, distance.bound[at]),
+                    t => self.ground(frame, map, ray, t, distance.bound[at]),
                 };
                 for channel in 0..4 {
                     let (value, off) = if channel < 3 { (here[channel], spread[channel]) } else { (1.0, 0.0) };
@@ -35,24 +39,31 @@ impl Reference for Shade {
 
 impl Shade {
     /// Colour at a distance, and how much it changes within the reach of rounding.
-    fn ground(&self, frame: &Frame, ray: DVec3, t: f64, bound: f64) -> (DVec3, DVec3) {
-        let here = self.colour(frame, ray * t);
-        let origin = frame.data.terrain.sample_from_world(frame.camera.eye_m.truncate()).abs().max_element();
-        let cell = frame.data.terrain.cell_m.max_element();
+    fn ground(&self, frame: &Frame, map: Option<&Values>, ray: DVec3, t: f64, bound: f64) -> (DVec3, DVec3) {
+        let here = self.colour(frame, map, ray * t);
+        let origin = frame.lattice().sample_from_world(frame.camera.eye_m.truncate()).abs().max_element();
+        let cell = frame.lattice().cell_m.max_element();
         let off = bound + 16.0 * EPSILON * (t + frame.camera.eye_m.z.abs() + (origin.fract() + 1.0) * cell);
+        // a place in the map is a product of its place on the terrain
+        let off = off + map.map_or(0.0, |_| 8.0 * EPSILON * frame.lattice().extent_m().max_element());
         let around = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis * off, -axis * off]);
-        let spread = around.map(|by| (self.colour(frame, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
+        let spread =
+            around.map(|by| (self.colour(frame, map, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
         // a slope of s turns the normal by at most the rounding of s; heights are rounded once
-        let steepest = (frame.data.range_m.1 - frame.data.range_m.0) / frame.data.terrain.cell_m.min_element();
+        let (low, high) = frame.ground.range_m();
+        let steepest = (high - low) / frame.lattice().cell_m.min_element();
         (here, 2.0 * spread + 64.0 * EPSILON * (1.0 + steepest))
     }
 
-    fn colour(&self, frame: &Frame, point: DVec3) -> DVec3 {
+    fn colour(&self, frame: &Frame, map: Option<&Values>, point: DVec3) -> DVec3 {
         let light = &frame.data.scene.light;
         let world = point + frame.camera.eye_m;
-        let (low, high) = frame.data.range_m;
+        // tints are of the scene's heights, whatever a kernel has made of them
+        let (low, high) = frame.data.ground.range_m();
         let mut colour = DVec3::splat(0.75);
-        if self.tint {
+        if let Some(map) = map {
+            colour = map_colour(frame, map, world.truncate());
+        } else if self.tint {
             colour = tint((world.z - low) / height_range_m(low, high));
         }
         if self.needs_sun(light) {
@@ -80,15 +91,32 @@ fn tint(share: f64) -> DVec3 {
     STOPS[low as usize].lerp(STOPS[low as usize + 1], at - low)
 }
 
+/// The map's colour over a place, bilinear; its first and last columns and rows are on the terrain's border.
+fn map_colour(frame: &Frame, map: &Values, position_m: DVec2) -> DVec3 {
+    let last = DVec2::new((map.dims[1] - 1).into(), (map.dims[0] - 1).into());
+    let lattice = frame.lattice();
+    let at = lattice.sample_from_world(position_m) / lattice.last().as_dvec2() * last;
+    let at = at.clamp(DVec2::ZERO, last);
+    let (low, w) = (at.floor(), at - at.floor());
+    let texel = |dx: f64, dy: f64| {
+        let texel = (low + DVec2::new(dx, dy)).min(last);
+        let first = 4 * (texel.y as usize * map.dims[1] as usize + texel.x as usize);
+        DVec3::from_slice(&map.value[first..]) / 255.0
+    };
+    let north = texel(0.0, 0.0).lerp(texel(1.0, 0.0), w.x);
+    let south = texel(0.0, 1.0).lerp(texel(1.0, 1.0), w.x);
+    north.lerp(south, w.y)
+}
+
 fn normal(frame: &Frame, position_m: DVec2) -> DVec3 {
-    let terrain = &frame.data.terrain;
+    let terrain = frame.lattice();
     let place = terrain.sample_from_world(position_m);
     let low = place.floor();
     let w = place - low;
     let height = |x: f64, y: f64| {
         let x = x.clamp(0.0, f64::from(terrain.size.x - 1)) as u32;
         let y = y.clamp(0.0, f64::from(terrain.size.y - 1)) as u32;
-        f64::from(terrain.height_m(x, y))
+        frame.ground.height_m(UVec2::new(x, y))
     };
     let gradient = |dx: f64, dy: f64| {
         let at = low + DVec2::new(dx, dy);

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::Chain;
-use crate::stages::shared::pyramid::{Layout, bounds_layout};
+use crate::plan::product::{NodeRanges, what};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -16,8 +16,8 @@ pub const INFO: Info = Info {
     summary: "mean, minimum and maximum pyramids of the height samples",
     formula: "max_k(node) = max of the surface over 2^k x 2^k cells; mean_k(node) = mean of 2^k x 2^k samples",
     source: "Livny et al. 2008, section 3.4 (mean); Loeffler et al. 2009, section 4 (minimum, maximum)",
-    reads: &["height"],
     writes: &["height_max", "height_min", "height_mean"],
+    offers: &[what::<NodeRanges<()>>()],
     parameters: schema::<HeightPyramid>,
     read: read_as::<HeightPyramid>,
     examples: &[Example::new("[HeightPyramid]"), Example::new("[HeightPyramid(max_level: 2)]")],
@@ -33,13 +33,12 @@ pub struct HeightPyramid {
 
 impl Stage for HeightPyramid {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let size = chain.data.terrain.size;
-        let (bounds, mean) = (bounds_layout(size), Layout::new(size));
-        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        let (bounds, mean) = (chain.lattice().cells(), chain.lattice().means());
         let highest = chain.make("height_max", Elem::F32, &bounds.dims(), "m", "maximum pyramid over cells");
         let lowest = chain.make("height_min", Elem::F32, &bounds.dims(), "m", "minimum pyramid over cells");
+        chain.offer(NodeRanges { lowest, highest });
         let means = chain.make("height_mean", Elem::F32, &mean.dims(), "m", "mean pyramid over samples");
-        let kernel = Kernel::built_in("pyramids/height_pyramid.wgsl")?;
+        let kernel = chain.kernel("pyramids/height_pyramid.wgsl")?;
         let mean_top = self.max_level.unwrap_or(mean.top).min(mean.top);
         chain.set_top_level(means, mean_top);
         if mean_top < mean.top {
@@ -52,10 +51,7 @@ impl Stage for HeightPyramid {
         for level in (1..=top).step_by(3) {
             let levels = (top - level + 1).min(3);
             let label = format!("levels {level} to {}", level + levels - 1);
-            let mut step = chain
-                .step(&label, &kernel, "main")
-                .bind("height", height)
-                .constant("FROM_SAMPLES", f64::from(level == 1));
+            let mut step = chain.step(&label, &kernel, "main").constant("FROM_SAMPLES", f64::from(level == 1));
             // past its own top a pyramid has nothing to write
             if level <= bounds.top {
                 step = step.bind_if_wanted("height_max", highest, "WRITE_MAX").bind_if_wanted(
@@ -72,14 +68,9 @@ impl Stage for HeightPyramid {
             } else {
                 step = step.bind("height_mean", means).constant("WRITE_MEAN", 0.0);
             }
-            step.set("size", size.to_array())
-                .set("level", level)
+            step.set("level", level)
                 .set("levels", levels)
-                .set("bounds_stride", bounds.stride)
-                .set("bounds_tall_pow2", bounds.tall_pow2)
-                .set("mean_stride", mean.stride)
-                .set("mean_tall_pow2", mean.tall_pow2)
-                .over(Layout::new(size).size(level - 1).map(|side| side.div_ceil(8)).max(UVec2::ONE))?;
+                .over(mean.size(level - 1).map(|side| side.div_ceil(8)).max(UVec2::ONE))?;
         }
         Ok(())
     }

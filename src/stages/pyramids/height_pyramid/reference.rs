@@ -3,15 +3,15 @@ use std::sync::Arc;
 use glam::UVec2;
 
 use super::HeightPyramid;
+use crate::plan::product::NodeRanges;
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
-use crate::stages::shared::pyramid::{Layout, bounds_layout};
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for HeightPyramid {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let size = frame.data.terrain.size;
+        let size = frame.lattice().size;
         let height = buffers.get("height")?;
-        let (bounds, mean) = (bounds_layout(size), Layout::new(size));
+        let (bounds, mean) = (frame.lattice().cells(), frame.lattice().means());
         let mut highest = Values::missing(&bounds.dims(), 1);
         let mut lowest = Values::missing(&bounds.dims(), 1);
         let mut means = Values::missing(&mean.dims(), 1);
@@ -34,8 +34,9 @@ impl Reference for HeightPyramid {
                 means.set(mean.index(level, x, y), value, 6.0 * f64::from(level) * EPSILON * largest);
             }
         }
-        buffers.put("height_max", highest);
-        buffers.put("height_min", lowest);
+        let highest = buffers.put("height_max", highest);
+        let lowest = buffers.put("height_min", lowest);
+        buffers.offer(NodeRanges { lowest, highest });
         buffers.put("height_mean", means);
         Ok(())
     }

@@ -5,9 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
-use crate::plan::{Chain, Packing};
-use crate::stages::shared::pyramid::bounds_layout;
+use crate::kernel::{Elem, Packing};
+use crate::plan::Chain;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -15,7 +14,6 @@ pub const INFO: Info = Info {
     summary: "for every node of a pyramid a plane and the largest distance between it and the surface",
     formula: "|surface(x, y) - (c + g . (x, y))| <= r over 2^k x 2^k cells; g by least squares",
     source: "ours; what the minimum and maximum pyramids of Loeffler et al. 2009 are to a level surface, this is to a sloping one",
-    reads: &["height"],
     writes: &["height_plane", "plane_slope"],
     parameters: schema::<PlanePyramid>,
     read: read_as::<PlanePyramid>,
@@ -32,26 +30,21 @@ const EXACT_LEVELS: u32 = 3;
 
 impl Stage for PlanePyramid {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let size = chain.data.terrain.size;
-        let layout = bounds_layout(size);
-        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        chain.check_scene_ground()?;
+        let layout = chain.lattice().cells();
         let meaning = "height in the middle of each node, largest distance of the surface from its plane";
         let planes = chain.make("height_plane", Elem::Vec2F32, &layout.dims(), "m", meaning);
         let meaning = "slope of each plane to the east and to the south in metres a cell, as two halves";
         let slopes = chain.make("plane_slope", Elem::U32, &layout.dims(), "", meaning);
         chain.set_packing(slopes, Packing::Halves);
-        let (low, high) = chain.data.range_m;
-        let kernel = Kernel::built_in("pyramids/plane_pyramid.wgsl")?;
+        let (low, high) = chain.data.ground.range_m();
+        let kernel = chain.kernel("pyramids/plane_pyramid.wgsl")?;
         for level in 1..=layout.top {
             let entry = if level <= EXACT_LEVELS { "from_samples" } else { "from_planes" };
             let step = chain.step(&format!("level {level}"), &kernel, entry);
-            let step = if level <= EXACT_LEVELS { step.bind("height", height) } else { step };
             step.bind("height_plane", planes)
                 .bind("plane_slope", slopes)
-                .set("size", size.to_array())
                 .set("level", level)
-                .set("stride", layout.stride)
-                .set("tall_pow2", layout.tall_pow2)
                 .set("largest_m", low.abs().max(high.abs()) as f32)
                 .over(layout.size(level))?;
         }

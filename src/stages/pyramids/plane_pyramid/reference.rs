@@ -1,16 +1,16 @@
 use glam::{DVec2, UVec2};
 
 use super::{EXACT_LEVELS, PlanePyramid};
+use crate::ground::pyramid::Layout;
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
-use crate::stages::shared::pyramid::{Layout, bounds_layout};
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for PlanePyramid {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let size = frame.data.terrain.size;
-        let layout = bounds_layout(size);
+        let size = frame.lattice().size;
+        let layout = frame.lattice().cells();
         let height = buffers.get("height")?;
-        let largest_m = frame.data.range_m.0.abs().max(frame.data.range_m.1.abs());
+        let largest_m = frame.ground.range_m().0.abs().max(frame.ground.range_m().1.abs());
         let mut planes =
             Planes { values: Values::missing(&layout.dims(), 2), slopes: Vec::new(), off_slope: Vec::new() };
         planes.slopes.resize(planes.values.value.len() / 2, DVec2::ZERO);

@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::experiment::scene::Surface;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::product::what;
 use crate::plan::{Chain, StepBuilder, product};
-use crate::stages::shared::pyramid::bounds_layout;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -17,7 +16,6 @@ pub const INFO: Info = Info {
     summary: "for every block of the quadtree, how far the surface is from the block's triangles",
     formula: "Paper: s(block) = max(five errors of the block, 2 s(blocks below)); Proven: s = max |surface - mesh| over all samples",
     source: "Lee, Shin 2011, section 2.1, Eq. 3 and Fig. 2; Proven is ours",
-    reads: &["height"],
     writes: &["roughness"],
     offers: &[what::<product::Roughness<()>>()],
     parameters: schema::<Roughness>,
@@ -47,21 +45,13 @@ const TILE_LEVEL: u32 = 4;
 
 /// A step for one level.
 fn step<'c, 'a>(chain: &'c mut Chain<'a>, entry: &str, level: u32) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-    let kernel = Kernel::built_in("quadtree/roughness.wgsl")?;
-    let size = chain.data.terrain.size;
-    let layout = bounds_layout(size);
-    Ok(chain
-        .step(&format!("{entry} {level}"), &kernel, entry)
-        .set("size", size.to_array())
-        .set("level", level)
-        .set("stride", layout.stride)
-        .set("tall_pow2", layout.tall_pow2))
+    let kernel = chain.kernel("quadtree/roughness.wgsl")?;
+    Ok(chain.step(&format!("{entry} {level}"), &kernel, entry).set("level", level))
 }
 
 impl Stage for Roughness {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let size = chain.data.terrain.size;
-        let layout = bounds_layout(size);
+        let layout = chain.lattice().cells();
         let proven = self.error == Error::Proven;
         if proven && chain.data.scene.surface != Surface::Triangles {
             return Err(Diagnostic::input(
@@ -70,7 +60,9 @@ impl Stage for Roughness {
             .at(chain.origin(), "this stage promises a bound")
             .help("`error: Paper`, or `surface: Triangles` in the scene"));
         }
-        let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
+        if proven {
+            chain.check_scene_ground()?;
+        }
         let meaning = "largest distance of the surface from a block's triangles";
         let roughness = chain.make("roughness", Elem::F32, &layout.dims(), "m", meaning);
         chain.offer(product::Roughness { roughness, is_bound: proven });
@@ -87,12 +79,11 @@ impl Stage for Roughness {
         for level in 1..=layout.top {
             let blocks = layout.size(level);
             let Some((edges, tiles)) = edges_and_tiles else {
-                step(chain, "nested", level)?.bind("height", height).bind("roughness", roughness).over(blocks)?;
+                step(chain, "nested", level)?.bind("roughness", roughness).over(blocks)?;
                 continue;
             };
-            step(chain, "edges", level)?.bind("height", height).bind("edge_off", edges).over(blocks)?;
-            let step_tiles =
-                step(chain, "tiles", level)?.bind("height", height).bind("edge_off_in", edges).bind("tile_off", tiles);
+            step(chain, "edges", level)?.bind("edge_off", edges).over(blocks)?;
+            let step_tiles = step(chain, "tiles", level)?.bind("edge_off_in", edges).bind("tile_off", tiles);
             step_tiles.over(layout.size(level.min(TILE_LEVEL)))?;
             step(chain, "gather", level)?.bind("tile_off_in", tiles).bind("roughness", roughness).over(blocks)?;
         }

@@ -2,15 +2,17 @@ use glam::{DVec2, UVec2};
 use rayon::prelude::*;
 
 use super::{Error, Roughness};
+use crate::experiment::scene::Surface;
+use crate::ground::cell::Cell;
+use crate::ground::pyramid::Layout;
 use crate::plan::product;
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
-use crate::stages::shared::pyramid::{Layout, bounds_layout};
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for Roughness {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let height = buffers.get("height")?;
-        let layout = bounds_layout(frame.data.terrain.size);
+        let layout = frame.lattice().cells();
         let mut roughness = Values::missing(&layout.dims(), 1);
         for level in 1..=layout.top {
             let nodes = layout.size(level);
@@ -87,10 +89,8 @@ impl<'a> Block<'a> {
             [self.at(low.x, low.y), self.at(high.x, low.y), self.at(low.x, high.y), self.at(high.x, high.y)];
         let t = (mid - low).as_dvec2() / (high - low).as_dvec2();
         let line = |a: f64, b: f64, t: f64| a + (b - a) * t;
-        let centre = match t.x + t.y <= 1.0 {
-            true => nw + (ne - nw) * t.x + (sw - nw) * t.y,
-            false => se + (sw - se) * (1.0 - t.x) + (ne - se) * (1.0 - t.y),
-        };
+        // a block's own two triangles lie as those of a cell do
+        let centre = Cell { nw, ne, sw, se }.surface_m(t, Surface::Triangles);
         let errors = [
             self.at(mid.x, mid.y) - centre,
             self.at(mid.x, low.y) - line(nw, ne, t.x),

@@ -6,10 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
+use crate::kernel::Elem;
 use crate::plan::Chain;
 use crate::plan::product::{Blocks, List, Mesh, what};
-use crate::stages::shared::pyramid::bounds_layout;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -52,8 +51,8 @@ const GROUP: u32 = 64;
 
 impl Stage for TriangleSplitting {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let size = chain.data.terrain.size;
-        let layout = bounds_layout(size);
+        let size = chain.lattice().size;
+        let layout = chain.lattice().cells();
         let words = layout.dims().iter().product::<u32>().div_ceil(32).next_multiple_of(4);
         let Blocks { leaf, count: leaf_count, split, promise } = chain.latest()?;
         for id in [leaf, leaf_count, split] {
@@ -62,7 +61,7 @@ impl Stage for TriangleSplitting {
         chain.check_kind(split, Elem::U32, &[words])?;
         let threads = (4 * chain.buffer(leaf).dims[0]).next_multiple_of(GROUP);
         let capacity = chain.capacity("triangle", self.capacity);
-        let needed = chain.make_lasting("triangle_needed", Elem::U32, &[1], "", "triangles that the mesh has");
+        let needed = chain.make_for_host("triangle_needed", Elem::U32, &[1], "", "triangles that the mesh has");
         chain.guard("triangle", capacity, needed, 0);
         let mut make = |name: &str, length: u32, meaning: &str| chain.make(name, Elem::U32, &[length], "", meaning);
         let before = make("triangles_before", threads, "triangles of the edges before in the workgroup");
@@ -72,15 +71,13 @@ impl Stage for TriangleSplitting {
         let meaning = "three samples, 16 bits a column and a row, counterclockwise from above; level of the block";
         let triangle = chain.make("triangle", Elem::Vec4U32, &[capacity], "", meaning);
         chain.offer(Mesh::List(List { triangle, count, promise: Some(promise) }));
-        let kernel = Kernel::built_in("quadtree/triangle_splitting.wgsl")?;
+        let kernel = chain.kernel("quadtree/triangle_splitting.wgsl")?;
         for entry in ["count", "sums", "offsets", "write"] {
             let step = chain
                 .step(entry, &kernel, entry)
                 .constant("SPLIT", f64::from(self.split))
                 .bind("leaf_count", leaf_count)
                 .set("size", size.to_array())
-                .set("stride", layout.stride)
-                .set("tall_pow2", layout.tall_pow2)
                 .set("capacity", capacity);
             match entry {
                 "count" => {

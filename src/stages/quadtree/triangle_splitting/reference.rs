@@ -1,14 +1,14 @@
 use glam::UVec2;
 
 use super::TriangleSplitting;
+use crate::ground::pyramid::Layout;
 use crate::plan::product::{Blocks, List, Mesh};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
-use crate::stages::shared::pyramid::{Layout, bounds_layout};
 
 impl Reference for TriangleSplitting {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let last = frame.data.terrain.size - 1;
-        let layout = bounds_layout(frame.data.terrain.size);
+        let last = frame.lattice().size - 1;
+        let layout = frame.lattice().cells();
         let known: Blocks<_> = buffers.latest()?;
         let (leaves, count, split) =
             (buffers.values(known.leaf), buffers.values(known.count), buffers.values(known.split));

@@ -1,11 +1,11 @@
 //! Vertex splitting in f64, round by round as the paper has it, and whether rounding could have turned a decision.
 
-use glam::{DVec2, DVec3, UVec2};
+use glam::{DVec3, UVec2};
 
 use super::VertexSplitting;
-use super::motion::{most_of, sides};
+use crate::frame::view::{most_of, sides};
+use crate::ground::pyramid::Layout;
 use crate::reference::{Frame, Values};
-use crate::stages::shared::pyramid::Layout;
 
 /// The quadtree in f64.
 pub(super) struct Quadtree<'a> {
@@ -93,10 +93,10 @@ impl Quadtree<'_> {
 
     /// A block's box relative to the eye.
     fn extent(&self, level: u32, at: UVec2, index: usize) -> (DVec3, DVec3) {
-        let terrain = &self.frame.data.terrain;
-        let last = terrain.size - 1;
+        let terrain = self.frame.lattice();
+        let last = terrain.last();
         let (nw, se) = (at << level, ((at + 1) << level).min(last));
-        let world = |sample: UVec2| DVec2::new(sample.x.into(), f64::from(last.y - sample.y)) * terrain.cell_m;
+        let world = |sample: UVec2| terrain.world_from_sample(sample.as_dvec2());
         let (a, b) = (world(nw), world(se));
         let eye_m = self.frame.camera.eye_m;
         let low = DVec3::new(a.x, b.y, self.low.value[index]) - eye_m;
@@ -112,15 +112,14 @@ impl Quadtree<'_> {
         if inside > 0.0 {
             return (inside, half.length_squared());
         }
-        let terrain = &self.frame.data.terrain;
-        let last = terrain.size - 1;
+        let terrain = self.frame.lattice();
+        let last = terrain.last();
         let nw = at << level;
         let (mid, se) = ((nw + (1 << level) / 2).min(last), (nw + (1 << level)).min(last));
         let points =
             [mid, UVec2::new(mid.x, nw.y), UVec2::new(mid.x, se.y), UVec2::new(nw.x, mid.y), UVec2::new(se.x, mid.y)];
         let off = |sample: UVec2| {
-            let ground = DVec2::new(sample.x.into(), f64::from(last.y - sample.y)) * terrain.cell_m;
-            let point = ground.extend(terrain.height_m(sample.x, sample.y).into()) - camera.eye_m;
+            let point = self.frame.ground.sample_m(sample) - camera.eye_m;
             let view = |point: DVec3| camera.world_from_view.transpose() * point;
             let (a, b) = (view(point), view(point + DVec3::Z * rise_m));
             let error_px = camera.focal_px() * (a.truncate() / a.z - b.truncate() / b.z).length();

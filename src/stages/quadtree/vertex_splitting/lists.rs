@@ -2,16 +2,16 @@
 
 use super::{Start, VertexSplitting};
 use crate::experiment::diagnostic::Diagnostic;
+use crate::ground::pyramid::Layout;
 use crate::kernel::Elem;
-use crate::plan::product::Roughness;
-use crate::plan::{BufferId, Chain};
-use crate::stages::shared::pyramid::{Layout, bounds_layout};
+use crate::plan::product::{NodeRanges, Roughness};
+use crate::plan::{BufferId, Chain, History};
 
 /// Threads of a workgroup; `GROUP` of the kernel.
 pub(super) const GROUP: u32 = 64;
 
 pub(super) struct Lists {
-    pub inputs: [BufferId; 4],
+    pub roughness: BufferId,
     pub live: [BufferId; 2],
     pub choice: BufferId,
     pub wanted: BufferId,
@@ -28,11 +28,11 @@ pub(super) struct Lists {
 
 /// What lasts from frame to frame.
 pub(super) struct Tree {
-    pub nodes: BufferId,
-    pub count: BufferId,
+    pub nodes: History,
+    pub count: History,
     pub work: BufferId,
     pub closed: BufferId,
-    pub rest: BufferId,
+    pub rest: History,
     pub clear_work: BufferId,
     pub stale: BufferId,
     pub stale_work: BufferId,
@@ -49,13 +49,13 @@ pub(super) fn region_level(layout: Layout) -> u32 {
 
 impl Lists {
     pub fn make(stage: &VertexSplitting, chain: &mut Chain) -> Result<Self, Diagnostic> {
-        let layout = bounds_layout(chain.data.terrain.size);
+        let layout = chain.lattice().cells();
         let has_history = stage.start == Start::LastFrame;
-        let inputs = inputs(chain, layout, has_history)?;
-        let is_known = |known: &Roughness<BufferId>| known.roughness == inputs[3];
+        let roughness = roughness(chain, layout, has_history)?;
+        let is_known = |known: &Roughness<BufferId>| known.roughness == roughness;
         let proven = chain.products().find(is_known).is_some_and(|known| known.is_bound);
         let meaning = "longest lists of leaves, vertices, tree; did one overflow";
-        let needed = chain.make_lasting("splitting_needed", Elem::U32, &[4], "", meaning);
+        let needed = chain.make_for_host("splitting_needed", Elem::U32, &[4], "", meaning);
         let names = ["leaf", "live", "tree"];
         // whole workgroups write what they found, past the list's end as well
         let capacities = names.map(|list| chain.capacity(list, stage.capacity).next_multiple_of(GROUP));
@@ -71,7 +71,7 @@ impl Lists {
             |name: &str, elem: Elem, length: u32, meaning: &str| chain.make(name, elem, &[length], "", meaning);
         let choice = "what becomes of each vertex, and what those before append";
         Ok(Self {
-            inputs,
+            roughness,
             live: ["live_a", "live_b"].map(|name| make(name, Elem::Vec2U32, live, vertices)),
             choice: make("choice", Elem::U32, visited, choice),
             wanted: make("wanted", Elem::Vec4U32, visited / GROUP, "what each workgroup appends"),
@@ -79,7 +79,7 @@ impl Lists {
             leaf: make("leaf", Elem::Vec2U32, leaves, vertices),
             leaf_count: make("leaf_count", Elem::U32, 4, "workgroups along x, y, z; how many leaves"),
             split: match has_history {
-                true => chain.make_lasting("split", Elem::U32, &[words], "", SPLIT),
+                true => chain.make_kept("split", Elem::U32, &[words], "", SPLIT),
                 false => chain.make("split", Elem::U32, &[words], "", SPLIT),
             },
             needed,
@@ -93,32 +93,33 @@ impl Lists {
 
 const SPLIT: &str = "a bit for each block: it is split";
 
-/// Heights, lowest and highest of each block, and how far the surface is from it.
-fn inputs(chain: &Chain, layout: Layout, has_history: bool) -> Result<[BufferId; 4], Diagnostic> {
-    let size = chain.data.terrain.size;
-    let height = chain.read_as("height", Elem::F32, &[size.y, size.x])?;
-    let pyramid = |name: &str| -> Result<BufferId, Diagnostic> {
-        let id = chain.read_as(name, Elem::F32, &layout.dims())?;
+/// How far the surface is from each block.
+fn roughness(chain: &Chain, layout: Layout, has_history: bool) -> Result<BufferId, Diagnostic> {
+    let ranges: NodeRanges<BufferId> = chain.latest()?;
+    let roughness = chain.read_of_ground("roughness", Elem::F32, &layout.dims())?;
+    if has_history {
         // what is left for the next frame holds as long as these do not change
-        if has_history {
+        for id in [ranges.lowest, ranges.highest, roughness] {
             chain.check_own(id)?;
         }
-        Ok(id)
-    };
-    Ok([height, pyramid("height_min")?, pyramid("height_max")?, pyramid("roughness")?])
+        if !chain.is_scene_ground() {
+            return Err(Diagnostic::input("a tree of the frame before is for a ground that never changes")
+                .at(chain.origin(), "this stage")
+                .help("`start: Root`, or no kernel that makes another ground"));
+        }
+    }
+    Ok(roughness)
 }
 
 impl Tree {
     fn make(chain: &mut Chain, layout: Layout, nodes: u32) -> Self {
         let regions = layout.size(region_level(layout)).element_product().div_ceil(32).next_multiple_of(4);
-        let halves = "all nodes of the quadtree: of the frame before, and of this one";
         let rest = "how long what became of each node holds";
-        let count = "nodes before, which half is now, nodes now";
         Self {
-            nodes: chain.make_lasting("tree", Elem::Vec2U32, &[2, nodes], "", halves),
-            count: chain.make_lasting("tree_count", Elem::U32, &[3], "", count),
+            nodes: chain.make_history("tree", Elem::Vec2U32, &[nodes], "", "all nodes of the quadtree"),
+            count: chain.make_history("tree_count", Elem::U32, &[1], "", "how many nodes"),
             work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
-            rest: chain.make_lasting("tree_rest", Elem::Vec4F32, &[2, nodes], "", rest),
+            rest: chain.make_history("tree_rest", Elem::Vec4F32, &[nodes], "", rest),
             stale: chain.make("stale", Elem::U32, &[nodes], "", "nodes to look at again, in any order"),
             stale_work: chain.make("stale_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
             suspects: chain.make("suspects", Elem::U32, &[nodes], "", "nodes that may be gone, in any order"),

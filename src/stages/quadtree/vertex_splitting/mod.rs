@@ -1,32 +1,29 @@
 mod blocks;
 mod lists;
-mod motion;
 mod reference;
 
-use glam::{DVec3, UVec2};
+use glam::UVec2;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::experiment::scene::Surface;
-use crate::kernel::{Elem, Kernel};
-use crate::plan::product::{Blocks, Promise, Roughness, what};
+use crate::kernel::Elem;
+use crate::plan::product::{Blocks, NodeRanges, Promise, Roughness, what};
 use crate::plan::{BufferId, Chain, StepBuilder};
 use crate::stages::shared::prefix_sums::over_runs;
 use crate::stages::{Example, Info, Stage, read_as};
 use lists::{Lists, Tree, region_level};
-use motion::{most_of, sides, so_far, turn};
 
 pub const INFO: Info = Info {
     name: "VertexSplitting",
     summary: "the quadtree's blocks that are fine enough for this view: a vertex a block, split round by round",
     formula: "split if the eye is in the block's sphere and s > 0, or if max_k |project(v_k) - project(v_k + s z)| >= threshold",
     source: "Lee, Shin 2011, sections 2.1 (Eq. 2), 2.3 and 3; Proven and LastFrame are ours",
-    reads: &["height", "height_min", "height_max", "roughness"],
+    reads: &["roughness"],
     writes: &["leaf", "leaf_count", "split"],
-    needs: &[what::<Roughness<()>>()],
+    needs: &[what::<NodeRanges<()>>(), what::<Roughness<()>>()],
     offers: &[what::<Blocks<()>>()],
     parameters: schema::<VertexSplitting>,
     read: read_as::<VertexSplitting>,
@@ -94,12 +91,8 @@ impl VertexSplitting {
         entry: &str,
         round: u32,
     ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-        let kernel = Kernel::built_in("quadtree/vertex_splitting.wgsl")?;
-        let axis = |pick: fn(&Camera) -> DVec3| move |camera: &Camera| pick(camera).as_vec3().to_array();
-        let side = |number: usize| move |camera: &Camera| sides(camera)[number].as_vec3().to_array();
+        let kernel = chain.kernel("quadtree/vertex_splitting.wgsl")?;
         let [leaves, live, nodes] = lists.capacities;
-        let travelled_m = so_far(chain.data, |a, b| a.eye_m.distance(b.eye_m));
-        let turned = so_far(chain.data, turn);
         Ok(chain
             .step(label, &kernel, entry)
             .constant("PROVEN", f64::from(lists.proven))
@@ -107,41 +100,19 @@ impl VertexSplitting {
             .constant("CARRY_FLAG", f64::from(self.carry_flag))
             .constant("CARRY_SIZE", f64::from(self.carry_size))
             .constant("KEEP", f64::from(lists.tree.is_some()))
-            .set_terrain()
-            .set("stride", lists.layout.stride)
-            .set("tall_pow2", lists.layout.tall_pow2)
-            .set("top", lists.layout.top)
             .set("region_level", region_level(lists.layout))
             .set("is_last", u32::from(round + 1 == lists.layout.top))
             .set("live_capacity", live)
             .set("leaf_capacity", leaves)
             .set("tree_capacity", nodes)
-            .set("threshold_px", self.threshold_px as f32)
-            .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
-            .set_per_frame("view_right", axis(|camera| camera.world_from_view.x_axis))
-            .set_per_frame("view_up", axis(|camera| camera.world_from_view.y_axis))
-            .set_per_frame("view_forward", axis(|camera| camera.world_from_view.z_axis))
-            .set_per_frame("side_left", side(0))
-            .set_per_frame("side_right", side(1))
-            .set_per_frame("side_top", side(2))
-            .set_per_frame("side_bottom", side(3))
-            .set_series("travelled_m", travelled_m)
-            .set_series("turned", turned)
-            .set_per_frame("ray_most", |camera| most_of(camera, |ray| ray.length()) as f32)
-            .set_per_frame("tilt_most", |camera| {
-                most_of(camera, |ray| (ray * camera.forward().z - DVec3::Z).length()) as f32
-            }))
+            .set("threshold_px", self.threshold_px as f32))
     }
 
     /// One round, or the first look at the tree of the frame before: decide, find the places, append.
     fn round(&self, chain: &mut Chain, lists: &Lists, round: u32, counts: [BufferId; 2]) -> Result<(), Diagnostic> {
-        let [height, low, high, roughness] = lists.inputs;
         let [live, next] = if round.is_multiple_of(2) { lists.live } else { [lists.live[1], lists.live[0]] };
         self.step(chain, lists, &format!("decide {round}"), "decide", round)?
-            .bind("height", height)
-            .bind("height_min", low)
-            .bind("height_max", high)
-            .bind("roughness", roughness)
+            .bind("roughness", lists.roughness)
             .bind("live", live)
             .bind("live_count", counts[0])
             .bind("choice_out", lists.choice)
@@ -176,7 +147,7 @@ impl VertexSplitting {
             .bind("live_count_out", next_count)
             .bind("needed", lists.needed);
         Ok(match &lists.tree {
-            Some(tree) => step.bind("tree_count", tree.count),
+            Some(tree) => step.bind("tree_count", tree.count.next),
             None => step.leave_unbound("tree_count"),
         })
     }
@@ -197,8 +168,8 @@ impl VertexSplitting {
             .bind("live_out", next)
             .bind("split", lists.split);
         Ok(match &lists.tree {
-            Some(tree) => step.bind("tree", tree.nodes).bind("tree_count", tree.count).bind("rest", tree.rest),
-            None => step.leave_unbound("tree").leave_unbound("tree_count").leave_unbound("rest"),
+            Some(tree) => step.bind("tree", tree.nodes.next).bind("rest", tree.rest.next),
+            None => step.leave_unbound("tree").leave_unbound("rest"),
         })
     }
 
@@ -209,31 +180,29 @@ impl VertexSplitting {
         tree: &Tree,
         entry: &str,
     ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-        Ok(self.step(chain, lists, entry, entry, 0)?.bind("tree", tree.nodes).bind("tree_count", tree.count))
+        Ok(self.step(chain, lists, entry, entry, 0)?.bind("tree_last", tree.nodes.last))
     }
 
     /// Goes over the tree of the frame before; what it splits anew is the first round's.
     fn settle(&self, chain: &mut Chain, lists: &Lists, tree: &Tree, first_count: BufferId) -> Result<(), Diagnostic> {
-        let [height, low, high, roughness] = lists.inputs;
         self.on_tree(chain, lists, tree, "recall")?
+            .bind("tree_count_last", tree.count.last)
             .bind("choice_out", lists.choice)
-            .bind("rest", tree.rest)
+            .bind("rest_last", tree.rest.last)
             .bind("stale", tree.stale)
             .bind("stale_work", tree.stale_work)
             .over_indirect(tree.work)?;
         self.on_tree(chain, lists, tree, "look")?
-            .bind("height", height)
-            .bind("height_min", low)
-            .bind("height_max", high)
-            .bind("roughness", roughness)
+            .bind("roughness", lists.roughness)
             .bind("choice_out", lists.choice)
-            .bind("rest", tree.rest)
+            .bind("rest_last", tree.rest.last)
             .bind("split", lists.split)
             .bind("closing", tree.closed)
             .bind("stale", tree.stale)
             .bind("work", tree.stale_work)
             .over_indirect(tree.stale_work)?;
         self.on_tree(chain, lists, tree, "suspect")?
+            .bind("tree_count_last", tree.count.last)
             .bind("closed", tree.closed)
             .bind("suspects", tree.suspects)
             .bind("suspect_work", tree.suspect_work)
@@ -245,12 +214,18 @@ impl VertexSplitting {
             .bind("work", tree.suspect_work)
             .over_indirect(tree.suspect_work)?;
         self.step(chain, lists, "sums_of_tree", "sums_of_tree", 0)?
-            .bind("tree_count", tree.count)
+            .bind("tree_count_last", tree.count.last)
             .bind("choice_out", lists.choice)
             .bind("wanted_out", lists.wanted)
             .over_indirect(tree.work)?;
-        self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?.over(UVec2::ONE)?;
-        self.append(chain, lists, "append tree", "append_tree", lists.live[0])?.over_indirect(tree.work)
+        self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?
+            .bind("tree_count_last", tree.count.last)
+            .over(UVec2::ONE)?;
+        self.append(chain, lists, "append tree", "append_tree", lists.live[0])?
+            .bind("tree_last", tree.nodes.last)
+            .bind("tree_count_last", tree.count.last)
+            .bind("rest_last", tree.rest.last)
+            .over_indirect(tree.work)
     }
 
     fn clear<'c, 'a>(
@@ -276,7 +251,8 @@ impl VertexSplitting {
             let all = vectors(chain, lists.split);
             return over_runs(self.clear(chain, lists, lists.split)?, all);
         };
-        step.bind("tree_count", tree.count)
+        step.bind("tree_count_last", tree.count.last)
+            .bind("tree_count", tree.count.next)
             .bind("tree_work", tree.work)
             .bind("clear_work", tree.clear_work)
             .bind("stale_work", tree.stale_work)

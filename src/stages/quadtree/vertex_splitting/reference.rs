@@ -3,11 +3,10 @@ use super::lists::GROUP;
 use super::{Start, VertexSplitting};
 use crate::plan::product::{Blocks, Promise, Roughness};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
-use crate::stages::shared::pyramid::bounds_layout;
 
 impl Reference for VertexSplitting {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let layout = bounds_layout(frame.data.terrain.size);
+        let layout = frame.lattice().cells();
         let (low, high) = (buffers.get("height_min")?, buffers.get("height_max")?);
         let known: Roughness<_> = buffers.latest()?;
         let (roughness, proven) = (buffers.values(known.roughness), known.is_bound);

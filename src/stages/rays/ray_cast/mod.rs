@@ -6,11 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::Kernel;
 use crate::plan::Chain;
-use crate::plan::product::{Drawn, what};
+use crate::plan::product::{Drawn, NodeRanges, what};
 use crate::stages::shared::drawn::make_distance;
-use crate::stages::shared::traversal::Traversed;
+use crate::stages::shared::traversal;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -18,8 +17,8 @@ pub const INFO: Info = Info {
     summary: "exact first hit of every pixel's ray with the full-resolution surface: the ground truth",
     formula: "smallest t > 0 with eye.z + t d.z = surface(eye.xy + t d.xy)",
     source: "maximum-pyramid traversal after Tevs, Ihrke, Seidel 2008; sign test at cell borders is ours",
-    reads: &["height", "height_max", "height_min"],
     writes: &["distance"],
+    needs: &[what::<NodeRanges<()>>()],
     offers: &[what::<Drawn<()>>()],
     parameters: schema::<RayCast>,
     read: read_as::<RayCast>,
@@ -33,16 +32,13 @@ pub struct RayCast {}
 
 impl Stage for RayCast {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let terrain = Traversed::read(chain)?;
-        let start = terrain.lead_tiles(chain)?;
+        traversal::check(chain)?;
+        let start = traversal::lead_tiles(chain)?;
         let (width_px, height_px) = chain.data.scene.viewport;
         let distance = make_distance(chain);
-        let kernel = Kernel::built_in("rays/ray_cast.wgsl")?;
-        terrain
-            .step(chain, "cast", &kernel, "main")
-            .bind("height", terrain.height)
-            .bind("height_min", terrain.lowest)
-            .bind("start", start)
+        let kernel = chain.kernel("rays/ray_cast.wgsl")?;
+        traversal::step(chain, "cast", &kernel, "main")
+            .bind_or_leave("start", start)
             .bind("distance", distance)
             .over(UVec2::new(width_px, height_px))?;
         chain.offer(Drawn { distance, error: None, mesh: None, promise: None });

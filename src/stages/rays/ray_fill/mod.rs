@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::kernel::{Elem, Kernel};
-use crate::plan::product::{Drawn, Listing, what};
+use crate::kernel::Elem;
+use crate::plan::product::{Drawn, Listing, NodeRanges, what};
 use crate::plan::{BufferId, Chain};
-use crate::stages::shared::traversal::Traversed;
+use crate::stages::shared::traversal;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -16,9 +16,9 @@ pub const INFO: Info = Info {
     summary: "first hit for the pixels of a list, in place of what the mesh drew there; of blocks of rows, within the mesh's bound",
     formula: "as RayCast, from where the mesh was hit if it is nowhere under the surface; pixels of a block over the bound share the ray between them where focal_px (h + G a) |q f_z - z| / (s - (h + G a) |f_z|) is within it (docs/proven_bound.md, 5)",
     source: "Loeffler et al. 2009, section 4 (rendering); the start at the mesh is ours",
-    reads: &["height", "height_max", "height_min", "pixels", "pixels_count"],
+    reads: &["pixels", "pixels_count"],
     writes: &["distance"],
-    needs: &[what::<Drawn<()>>(), what::<Listing<()>>()],
+    needs: &[what::<NodeRanges<()>>(), what::<Drawn<()>>(), what::<Listing<()>>()],
     offers: &[what::<Drawn<()>>()],
     parameters: schema::<RayFill>,
     read: read_as::<RayFill>,
@@ -96,7 +96,7 @@ impl RayFill {
 
 impl Stage for RayFill {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let terrain = Traversed::read(chain)?;
+        traversal::check(chain)?;
         let drawn: Drawn<BufferId> = chain.latest()?;
         let distance = drawn.distance;
         let Some(error) = drawn.error else {
@@ -110,21 +110,16 @@ impl Stage for RayFill {
         let is_drawn = chain.steps_writing(distance) == 1;
         let is_own = chain.check_own(error).is_ok();
         let from_mesh = promise.is_some() && is_drawn && is_own && drawn.mesh.is_some();
-        let start = terrain.lead_tiles(chain)?;
-        let kernel = Kernel::built_in("rays/ray_fill.wgsl")?;
-        let steepest = if rows == 1 { 0.0 } else { chain.data.steepest() };
-        terrain
-            .step(chain, "fill", &kernel, "main")
+        let start = traversal::lead_tiles(chain)?;
+        let kernel = chain.kernel("rays/ray_fill.wgsl")?;
+        let steepest = if rows == 1 { 0.0 } else { chain.data.ground.steepest() };
+        traversal::step(chain, "fill", &kernel, "main")
             .constant("FROM_MESH", f64::from(from_mesh))
             .constant("ROWS", rows.into())
             .set("length", length)
             .set("steepest", (steepest * 1.000001) as f32)
             .set("bound_px", promise.map_or(0.0, |promise| promise.bound_px as f32))
-            .set_per_frame("focal_px", |camera| camera.focal_px() as f32)
-            .set_per_frame("forward_z", |camera| camera.forward().z as f32)
-            .bind("height", terrain.height)
-            .bind("height_min", terrain.lowest)
-            .bind("clear_until", start)
+            .bind_or_leave("clear_until", start)
             .bind("pixels", pixels)
             .bind("pixels_count", count)
             .bind("error", error)

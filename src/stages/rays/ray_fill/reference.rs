@@ -3,6 +3,7 @@ use rayon::prelude::*;
 
 use super::RayFill;
 use crate::experiment::scene::Surface;
+use crate::ground::cell::is_north_west;
 use crate::plan::product::{Drawn, Listing};
 use crate::reference::{Absent, Buffers, Frame, Reference, ValuesId};
 use crate::stages::shared::border::border_margin_m;
@@ -20,7 +21,7 @@ impl Reference for RayFill {
             buffers.replace(drawn.distance, distance);
             return Ok(());
         };
-        let steepest = if blocks.rows == 1 { 0.0 } else { frame.data.steepest() };
+        let steepest = if blocks.rows == 1 { 0.0 } else { frame.ground.steepest() };
         let shared = Shared { frame, bound_px: threshold_px, steepest };
         let show = |Block { x, rows, is_sure }: &Block| match (is_sure, blocks.rows) {
             (false, _) => rows.iter().map(|&y| (*x, y, (f64::NAN, f64::INFINITY))).collect(),
@@ -182,7 +183,7 @@ impl Shared<'_> {
 
     /// Parameter at which a ray leaves the terrain.
     fn way_out(&self, ray: DVec3) -> f64 {
-        let (eye_m, extent_m) = (self.frame.camera.eye_m.truncate(), self.frame.data.terrain.extent_m());
+        let (eye_m, extent_m) = (self.frame.camera.eye_m.truncate(), self.frame.lattice().extent_m());
         let border_m = DVec2::select(ray.truncate().cmpge(DVec2::ZERO), extent_m, DVec2::ZERO);
         ((border_m - eye_m) / ray.truncate()).min_element()
     }
@@ -215,8 +216,8 @@ struct Shown {
 impl Hit<'_> {
     /// `None` where rounding decides which triangle it is, or whether it is left.
     fn shown_at(&self, own: DVec3) -> Option<Shown> {
-        let terrain = &self.frame.data.terrain;
-        let cells = |ray: DVec3| DVec2::new(ray.x, -ray.y) / terrain.cell_m;
+        let terrain = self.frame.lattice();
+        let cells = |ray: DVec3| terrain.cells_from_world(ray.truncate());
         let origin = terrain.sample_from_world(self.frame.camera.eye_m.truncate());
         let at = origin + cells(self.ray * self.t);
         let cell = at.floor().clamp(DVec2::ZERO, terrain.size.as_dvec2() - 2.0);
@@ -227,17 +228,13 @@ impl Hit<'_> {
         let mut bound_m = (self.bound_m + 16.0 * EPSILON * t) * own.length();
         if self.frame.data.scene.surface == Surface::Triangles {
             let half = half_of(at - cell, rounding)?;
-            let height = |x, y| f64::from(terrain.height_m(cell.x as u32 + x, cell.y as u32 + y));
-            let slope = match half {
-                true => DVec2::new(height(1, 0) - height(0, 0), height(0, 1) - height(0, 0)),
-                false => DVec2::new(height(1, 1) - height(0, 1), height(1, 1) - height(1, 0)),
-            };
+            let slope = self.frame.cell(cell.as_uvec2()).slope(half);
             let gap = own.z * t - self.ray.z * self.t - slope.dot(cells(own * t - self.ray * self.t));
             let steep = own.z - slope.dot(cells(own));
             let exact = t - gap / steep;
             let place = origin + cells(own * exact) - cell;
-            let scale_m =
-                self.frame.camera.eye_m.z.abs() + self.frame.data.range_m.1.abs().max(self.frame.data.range_m.0.abs());
+            let scale_m = self.frame.camera.eye_m.z.abs()
+                + self.frame.ground.range_m().1.abs().max(self.frame.ground.range_m().0.abs());
             let off_m = 32.0 * EPSILON * (scale_m + exact * (1.0 + slope.dot(cells(own)).abs() + own.length()));
             let leaves =
                 !(DVec2::splat(-rounding).cmplt(place).all() && place.cmplt(DVec2::splat(1.0 + rounding)).all());
@@ -258,5 +255,5 @@ impl Hit<'_> {
 /// Whether a place in a cell is in its north-western half; `None` close to the border of either.
 fn half_of(place: DVec2, rounding: f64) -> Option<bool> {
     let borders = [place.x, place.y, 1.0 - place.x, 1.0 - place.y, place.x + place.y - 1.0];
-    borders.iter().all(|border| border.abs() > rounding).then_some(place.x + place.y <= 1.0)
+    borders.iter().all(|border| border.abs() > rounding).then_some(is_north_west(place))
 }

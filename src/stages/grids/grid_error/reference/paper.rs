@@ -1,18 +1,18 @@
 //! Loeffler et al. 2009, Eq. 2 to 4, and the displacement by the maximum.
 
-use glam::{DVec2, DVec3, UVec2};
+use glam::{DVec2, DVec3};
 
+use crate::ground::Lattice;
 use crate::plan::product::{Grid, Mesh, PointErrors, Promise};
 use crate::reference::{Absent, Buffers, Frame, Values, ValuesId};
-use crate::stages::shared::pyramid::bounds_layout;
 use crate::stages::shared::rounding::EPSILON;
 
 pub fn reference(frame: &Frame, buffers: &mut Buffers, grid: Grid<ValuesId>, threshold_px: f64) -> Result<(), Absent> {
     let vertices = buffers.values(grid.vertex);
     let (height, lowest, highest) = (buffers.get("height")?, buffers.get("height_min")?, buffers.get("height_max")?);
-    let known = Ranges { height: &height, lowest: &lowest, highest: &highest, size: frame.data.terrain.size };
-    let terrain = &frame.data.terrain;
-    let (eye_m, top) = (frame.camera.eye_m, bounds_layout(terrain.size).top);
+    let known = Ranges { height: &height, lowest: &lowest, highest: &highest, lattice: frame.lattice() };
+    let terrain = frame.lattice();
+    let (eye_m, top) = (frame.camera.eye_m, terrain.cells().top);
     let lambda = f64::from(frame.data.scene.viewport.1) / frame.data.scene.fov_deg.to_radians();
     let last = (terrain.size - 1).as_dvec2();
     let mut moved = (*vertices).clone();
@@ -61,16 +61,16 @@ struct Ranges<'a> {
     height: &'a Values,
     lowest: &'a Values,
     highest: &'a Values,
-    size: UVec2,
+    lattice: Lattice,
 }
 
 impl Ranges<'_> {
     fn node(&self, level: u32, x: f64, y: f64) -> (f64, f64) {
-        let layout = bounds_layout(self.size);
-        let last = if level == 0 { self.size - 1 } else { layout.size(level) - 1 };
+        let layout = self.lattice.cells();
+        let last = if level == 0 { self.lattice.last() } else { layout.size(level) - 1 };
         let (x, y) = (x.clamp(0.0, last.x.into()) as u32, y.clamp(0.0, last.y.into()) as u32);
         if level == 0 {
-            let height = self.height.value[(y * self.size.x + x) as usize];
+            let height = self.height.value[(y * self.lattice.size.x + x) as usize];
             return (height, height);
         }
         let index = layout.index(level, x, y);

@@ -64,7 +64,7 @@ struct Cell {
 
 impl Cell {
     fn new(frame: &Frame, vertices: &Values, at: UVec2) -> Self {
-        let terrain = &frame.data.terrain;
+        let terrain = frame.lattice();
         let eye_m = frame.camera.eye_m;
         let columns = vertices.dims[1];
         let index = |x: u32, y: u32| 4 * ((at.y + y) * columns + at.x + x) as usize;
@@ -86,7 +86,10 @@ impl Cell {
         let surface = surface_range(frame, low.truncate() - around, high.truncate() + around);
         let steep = (high.z - low.z) / extent.min_element().max(1e-9);
         let rounding_m = 1e-5
-            * (reach.z + steep * reach.truncate().length() + frame.data.range_m.1.abs() + frame.data.range_m.0.abs());
+            * (reach.z
+                + steep * reach.truncate().length()
+                + frame.ground.range_m().1.abs()
+                + frame.ground.range_m().0.abs());
         Self { corners, off_m, surface, snap_m, rounding_m }
     }
 
@@ -98,14 +101,14 @@ impl Cell {
     /// Lowest and highest of surface minus plane at places inside a triangle.
     fn seen(&self, frame: &Frame, [a, b, c]: [DVec3; 3]) -> (f64, f64) {
         const STEPS: u32 = 6;
-        let terrain = &frame.data.terrain;
+        let terrain = frame.lattice();
         let last = (terrain.size - 1).as_dvec2();
         let shares = (0..=STEPS).flat_map(|i| (0..=STEPS - i).map(move |j| (f64::from(i), f64::from(j))));
         let error = |(i, j): (f64, f64)| {
             let place = a + (b - a) * (i / f64::from(STEPS)) + (c - a) * (j / f64::from(STEPS));
             let inside = place.truncate().cmpge(DVec2::ZERO).all() && place.truncate().cmple(last).all();
-            let world = DVec2::new(place.x, last.y - place.y) * terrain.cell_m;
-            inside.then(|| terrain.surface_m(world, frame.data.scene.surface) - frame.camera.eye_m.z - place.z)
+            let world = terrain.world_from_sample(place.truncate()).extend(0.0);
+            inside.then(|| frame.ground.surface_at(world).z - frame.camera.eye_m.z - place.z)
         };
         let errors = shares.filter_map(error);
         errors.fold((f64::MAX, f64::MIN), |(low, high), error| (low.min(error), high.max(error)))
@@ -144,16 +147,6 @@ impl Cell {
 
 /// Lowest and highest surface above the eye over a rectangle of samples; `None` if none of it is on the terrain.
 fn surface_range(frame: &Frame, low: DVec2, high: DVec2) -> Option<(f64, f64)> {
-    let terrain = &frame.data.terrain;
-    let last = (terrain.size - 1).as_dvec2();
-    if low.cmpgt(last).any() || high.cmplt(DVec2::ZERO).any() {
-        return None;
-    }
-    let (from, to) = (low.floor().clamp(DVec2::ZERO, last).as_uvec2(), high.ceil().clamp(DVec2::ZERO, last).as_uvec2());
-    let heights = (from.y..=to.y).flat_map(|y| {
-        let row = (y * terrain.size.x) as usize;
-        &terrain.heights_m[row + from.x as usize..=row + to.x as usize]
-    });
-    let (low, high) = heights.fold((f32::MAX, f32::MIN), |(low, high), &height| (low.min(height), high.max(height)));
-    Some((f64::from(low) - frame.camera.eye_m.z, f64::from(high) - frame.camera.eye_m.z))
+    let (low, high) = frame.ground.range_over_m(low, high)?;
+    Some((low - frame.camera.eye_m.z, high - frame.camera.eye_m.z))
 }

@@ -1,6 +1,6 @@
 //! The triangles that are drawn, and the nearest one on a pixel's ray.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, UVec2};
 
 use super::super::{grid, list};
 use crate::reference::{Frame, Values};
@@ -33,11 +33,9 @@ pub(super) struct Hit {
 
 impl Triangles {
     pub(super) fn of_list(frame: &Frame, keys: &Values, count: &Values, casts_beside: bool) -> Self {
-        let terrain = &frame.data.terrain;
         let corner = |key: f64| {
-            let (column, row) = (key as u32 & 0xffff, key as u32 >> 16);
-            let ground = DVec2::new(column.into(), f64::from(terrain.size.y - 1 - row)) * terrain.cell_m;
-            ground.extend(terrain.height_m(column, row).into()) - frame.camera.eye_m
+            let sample = UVec2::new(key as u32 & 0xffff, key as u32 >> 16);
+            frame.ground.sample_m(sample) - frame.camera.eye_m
         };
         let listed = count.value[0] as usize / 3;
         let triangles: Vec<[DVec3; 3]> = keys

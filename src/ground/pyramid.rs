@@ -36,8 +36,3 @@ impl Layout {
         [last + self.size(self.top).y, self.stride]
     }
 }
-
-/// Layout of the minimum and maximum pyramids: their base is cells.
-pub fn bounds_layout(samples: UVec2) -> Layout {
-    Layout::new(samples - 1)
-}

@@ -3,14 +3,15 @@
 //!
 //! The projector stands at the camera's eye, never looks at or above the horizon, so that no ray fires backwards,
 //! and its image is just as wide as it takes to hold the ground under everything the camera can see: peaks that
-//! stand outside the camera's footprint on the base plane reach into the picture and must not be lost.
+//! stand outside the camera's footprint on the base plane reach into the picture and must not be lost. It is `Projector` of
+//! `kernels/lib/projector.wgsl`.
 
 use glam::{DVec2, DVec3};
 
-use super::rounding::EPSILON;
+use super::Block;
 use crate::camera::Camera;
-use crate::plan::SceneData;
-use crate::plan::StepBuilder;
+use crate::kernel::FieldKind::F32;
+use crate::scene::SceneData;
 
 /// Ray of grid point (u, v): `corner + u right + v down`; all relative to the camera's eye, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +25,8 @@ pub struct Projector {
 
 impl Projector {
     pub fn new(data: &SceneData, camera: &Camera) -> Self {
-        let base_m = data.range_m.0 - camera.eye_m.z;
-        let cell_m = data.terrain.cell_m.min_element();
+        let base_m = data.ground.range_m().0 - camera.eye_m.z;
+        let cell_m = data.ground.lattice().cell_m.min_element();
         // from below or on the base plane nothing can be projected down to it
         let eye_m = DVec3::new(0.0, 0.0, (base_m + 0.5 * cell_m).max(0.0));
         let mut ground = visible_ground(data, camera);
@@ -53,32 +54,17 @@ impl Projector {
     }
 }
 
-impl Projector {
-    /// Like [`Projector::ground_m`], with the bound of the position for a (u, v) that is off by `off_uv`. The ray is five
-    /// roundings of terms as large as `reach`, which count most where its z is small; then there are a division and a
-    /// product with the distance to the plane.
-    pub fn ground_off_m(&self, uv: DVec2, off_uv: f64) -> (DVec2, f64) {
-        let (position_m, ray) = self.ground_m(uv);
-        let reach = self.corner.length() + self.right.length() + self.down.length();
-        let off = (12.0 * EPSILON + off_uv) * reach;
-        let stretch = off / (-ray.z).max(1e-300) * (1.0 + ray.truncate().length() / -ray.z);
-        (position_m, stretch * (self.base_m - self.eye_m.z).abs() + 8.0 * EPSILON * position_m.length())
-    }
-}
-
-impl StepBuilder<'_, '_> {
-    /// The fields of `Projector` in `kernels/lib/projector.wgsl`.
-    pub fn set_projector(self) -> Self {
-        let data = self.data();
-        let projectors: Vec<Projector> = data.cameras.iter().map(|camera| Projector::new(data, camera)).collect();
-        let vectors = |pick: fn(&Projector) -> DVec3| projectors.iter().map(move |p| pick(p).as_vec3().to_array());
-        self.set_series("projector.eye_m", vectors(|projector| projector.eye_m))
-            .set_series("projector.base_m", projectors.iter().map(|projector| projector.base_m as f32))
-            .set_series("projector.corner", vectors(|projector| projector.corner))
-            .set_series("projector.right", vectors(|projector| projector.right))
-            .set_series("projector.down", vectors(|projector| projector.down))
-    }
-}
+pub const BLOCK: Block = Block {
+    name: "Projector",
+    fields: &[("eye_m", F32(3)), ("base_m", F32(1)), ("corner", F32(3)), ("right", F32(3)), ("down", F32(3))],
+    changes: true,
+    fill: |frame, values| {
+        let projector = Projector::new(frame.data, &frame.camera);
+        let vector = |vector: DVec3| vector.as_vec3().to_array();
+        values.add(vector(projector.eye_m)).add(projector.base_m as f32);
+        values.add(vector(projector.corner)).add(vector(projector.right)).add(vector(projector.down));
+    },
+};
 
 struct Axes {
     right: DVec3,
@@ -124,20 +110,16 @@ impl Axes {
 /// Corners of what the camera sees of the terrain's volume, dropped to the ground, from the camera's eye: the
 /// volume is a box for each part of the terrain, as low and as high as the samples in it.
 fn visible_ground(data: &SceneData, camera: &Camera) -> Vec<DVec2> {
-    let terrain = &data.terrain;
     let planes = frustum(camera);
-    let position = |column: u32, row: u32, height_m: f32| {
-        let ground = DVec2::new(f64::from(column), f64::from(terrain.size.y - 1 - row)) * terrain.cell_m;
-        ground.extend(height_m.into()) - camera.eye_m
-    };
-    let corners = data.parts.iter().flat_map(|part| {
-        let low = position(part.columns.0, part.rows.1, part.low_m);
-        let high = position(part.columns.1, part.rows.0, part.high_m);
-        clipped_box(&planes, camera, (low, high))
-    });
+    let corners = data
+        .ground
+        .parts()
+        .iter()
+        .flat_map(|part| clipped_box(&planes, camera, (part.low_m - camera.eye_m, part.high_m - camera.eye_m)));
+    let cell_m = data.ground.lattice().cell_m;
     // a hundredth of a cell more, and more far away: what rounding may take from the grid's border
     let around = |corner: DVec3| {
-        let more = 0.01 * terrain.cell_m.max_element() + 1e-5 * corner.length();
+        let more = 0.01 * cell_m.max_element() + 1e-5 * corner.length();
         [(-more, -more), (more, -more), (-more, more), (more, more)]
             .map(|offset| corner.truncate() + DVec2::from(offset))
     };

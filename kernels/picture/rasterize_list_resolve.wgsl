@@ -1,0 +1,39 @@
+//!include lib/camera.wgsl
+//!include lib/terrain.wgsl
+//!include lib/traverse.wgsl
+//!include lib/beside.wgsl
+// What a list of triangles has drawn to distances, and rays for the pixels that it says nothing of.
+
+struct Params {
+    camera: Camera,
+    terrain: Terrain,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var drawn: texture_2d<u32>;
+@group(0) @binding(2) var<storage, read_write> distance: array<f32>;
+
+/// The mesh has a proven bound.
+override PROVEN: bool = false;
+
+/// What is beside a triangle is not in its bound (on a cliff, a 256th of a pixel aside is another place): there, a mesh with a bound
+/// shows the surface itself.
+@compute @workgroup_size(8, 8)
+fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.camera.viewport) {
+        return;
+    }
+    let bits = textureLoad(drawn, id.xy, 0).x;
+    var seen = select(bitcast<f32>(bits & ~BESIDE), NO_SURFACE, bits == 0u);
+    if PROVEN {
+        // a loop and no condition: software adapters go through both sides of those
+        var casts = (bits & BESIDE) != 0u;
+        while casts {
+            let ray = view_ray_of_pixel(params.camera, id.xy);
+            let t = first_hit(ray, 0.0);
+            seen = select(t * length(ray), NO_SURFACE, t >= FAR);
+            casts = false;
+        }
+    }
+    distance[id.y * params.camera.viewport.x + id.x] = seen;
+}

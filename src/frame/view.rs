@@ -1,0 +1,57 @@
+//! How a camera sees: `View` of `kernels/lib/view.wgsl`.
+
+use glam::DVec3;
+
+use super::Block;
+use crate::camera::Camera;
+use crate::kernel::FieldKind::F32;
+
+pub const BLOCK: Block = Block {
+    name: "View",
+    fields: &[
+        ("right", F32(3)),
+        ("focal_px", F32(1)),
+        ("up", F32(3)),
+        ("ray_most", F32(1)),
+        ("forward", F32(3)),
+        ("tilt_most", F32(1)),
+        ("side_left", F32(3)),
+        ("side_right", F32(3)),
+        ("side_top", F32(3)),
+        ("side_bottom", F32(3)),
+        ("half_tan", F32(2)),
+    ],
+    changes: true,
+    fill: |frame, values| {
+        let camera = &frame.camera;
+        let forward = camera.forward();
+        let axes = [camera.world_from_view.x_axis, camera.world_from_view.y_axis, forward];
+        let numbers = [
+            camera.focal_px(),
+            most_of(camera, |ray| ray.length()),
+            most_of(camera, |ray| (ray * forward.z - DVec3::Z).length()),
+        ];
+        for (axis, number) in axes.into_iter().zip(numbers) {
+            values.add(axis.as_vec3().to_array()).add(number as f32);
+        }
+        for side in sides(camera) {
+            values.add(side.as_vec3().to_array());
+        }
+        values.add(camera.half_tan.as_vec2().to_array());
+    },
+};
+
+/// Inward normals of the picture's sides: left, right, top, bottom.
+pub fn sides(camera: &Camera) -> [DVec3; 4] {
+    let [right, up, forward] = [camera.world_from_view.x_axis, camera.world_from_view.y_axis, camera.forward()];
+    let (across, high) = (forward * camera.half_tan.x, forward * camera.half_tan.y);
+    [right + across, across - right, high - up, up + high].map(DVec3::normalize)
+}
+
+/// The largest value of a convex function of the picture's rays, which is at a corner.
+pub fn most_of(camera: &Camera, value: impl Fn(DVec3) -> f64) -> f64 {
+    let [right, down, corner] = camera.pixel_basis();
+    let (width, high) = (f64::from(camera.viewport.0), f64::from(camera.viewport.1));
+    let corners = [(0.0, 0.0), (width, 0.0), (0.0, high), (width, high)].map(|(x, y)| corner + right * x + down * y);
+    corners.into_iter().map(value).fold(0.0, f64::max)
+}

@@ -1,0 +1,58 @@
+//! What the surface is between height samples, in f64. Nothing else in Rust knows it; its half in WGSL is `kernels/ground/surface.wgsl`.
+
+use glam::DVec2;
+
+use crate::experiment::scene::Surface;
+
+/// Heights at the corners of a cell in metres. A place in a cell is in [0, 1]^2 from its north-west corner: columns to the east, rows to
+/// the south.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    pub nw: f64,
+    pub ne: f64,
+    pub sw: f64,
+    pub se: f64,
+}
+
+/// Which of a cell's two triangles a place is on: they meet on the diagonal from north-east to south-west, which belongs to this one.
+pub fn is_north_west(place: DVec2) -> bool {
+    place.x + place.y <= 1.0
+}
+
+/// A number that is whole where a place in sample coordinates is on the diagonal of a cell.
+pub fn across_diagonals(sample: DVec2) -> f64 {
+    sample.x + sample.y
+}
+
+impl Cell {
+    /// Height of the surface at a place.
+    pub fn surface_m(&self, place: DVec2, surface: Surface) -> f64 {
+        let Cell { nw, ne, sw, se } = *self;
+        let (u, v) = (place.x, place.y);
+        match surface {
+            Surface::Bilinear => (nw * (1.0 - u) + ne * u) * (1.0 - v) + (sw * (1.0 - u) + se * u) * v,
+            Surface::Triangles if is_north_west(place) => nw + (ne - nw) * u + (sw - nw) * v,
+            Surface::Triangles => se + (sw - se) * (1.0 - u) + (ne - se) * (1.0 - v),
+        }
+    }
+
+    /// Slope of one of the two triangles, in metres a cell.
+    pub fn slope(&self, is_north_west: bool) -> DVec2 {
+        let Cell { nw, ne, sw, se } = *self;
+        if is_north_west { DVec2::new(ne - nw, sw - nw) } else { DVec2::new(se - sw, se - ne) }
+    }
+
+    /// The steepest slope of the surface, as a tangent.
+    pub fn steepest(&self, cell_m: DVec2, surface: Surface) -> f64 {
+        let (first, second) = (self.slope(true) / cell_m, self.slope(false) / cell_m);
+        match surface {
+            Surface::Triangles => first.length().max(second.length()),
+            Surface::Bilinear => first.abs().max(second.abs()).length(),
+        }
+    }
+
+    /// By how much the cell is not flat: what a patch is twisted by, and twice the distance of the two diagonals.
+    pub fn twist(&self) -> f64 {
+        self.nw - self.ne - self.sw + self.se
+    }
+}
