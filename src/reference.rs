@@ -54,6 +54,11 @@ impl<'a> Frame<'a> {
         self.is_scene_ground && self.ground.is_flat()
     }
 
+    /// An eye can be under the surface or beyond the border, as far as a plan can know.
+    pub fn sees_underside(&self) -> bool {
+        self.data.sees_underside || !self.is_scene_ground
+    }
+
     /// Heights at the corners of a cell.
     pub fn cell(&self, at: UVec2) -> Cell {
         let height = |x, y| self.ground.height_m(at + UVec2::new(x, y));

@@ -311,6 +311,10 @@ fn kernel_cases() -> Vec<Case> {
         case("over nothing", kernel(BIND, "params: (scale: 1), over: (0, 8)")),
         case("the frame before of nothing", kernel(&BIND.replace("\"height\",", "Last(\"depth\"),"), &ok)),
         case("the frame before of an input", kernel(&BIND.replace("\"height\",", "Last(\"height\"),"), &ok)),
+        case("sized like the frame before", kernel(&BIND.replace("\"height\",", "Last(\"distance\"),").replace("like: \"height\"", "like: \"distance.last\""), &ok)),
+        case("a ground changed in place", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace(", HeightPyramid, RayCast]", ", Kernel(file: \"mine.wgsl\", bind: {\"src\": New(name: \"other\", of: F32, like: \"height\"), \"dst\": \"height\"}, params: (scale: 1), over: \"height\"), HeightPyramid, RayCast]")),
+        case("a ground that was promised", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace("[Kernel", "[HeightPyramid, Roughness(error: Proven), VertexSplitting, Kernel")),
+        case("a name with a step in it", kernel(&BIND.replace("mine", "a@b"), "params: (scale: 1), over: \"a@b\"")),
         case("a ground of another size", kernel(&BIND.replace("mine", "height").replace("like: \"height\"", "size: (10, 7)"), "params: (scale: 1), over: (10, 7)")),
         case("a pyramid of another ground", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace("[Kernel", "[HeightPyramid, Kernel").replace(", HeightPyramid, RayCast]", ", RayCast]")),
         case("a proof on another ground", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace(", HeightPyramid, RayCast]", ", HeightPyramid, Roughness(error: Proven), RayCast]")),
@@ -332,6 +336,7 @@ fn command_cases() -> Vec<Case> {
         with("folder that cannot be written", &["run", "bad.ron", "--out", "good.png/out"]),
         with("dump of nothing", &["run", "bad.ron", "--dump", "depth"]),
         with("dump after no step", &["run", "bad.ron", "--dump", "distance@Warp"]),
+        with("dump of a render target after a step", &["run", "bad.ron", "--dump", "drawn@Rasterize"]),
         with(
             "terrain too large for the adapter",
             &[

@@ -177,6 +177,18 @@ fn a_tree_goes_through_cuts_and_resets() {
         assert_eq!(leaves(&tree), leaves(&root), "{step} after {seen:?}");
         seen.push(step);
     }
+    // cameras that come from elsewhere, near where the first one was: nobody knows the way between them
+    let data = &kept.prepared.data;
+    let near = data.cameras()[1];
+    let by = |metres: f64| Camera { eye_m: near.eye_m + metres, ..near };
+    let first = FrameInput::first(data, by(0.0));
+    for frame in [first, first.next(by(0.5)), FrameInput::first(data, by(700.0)), FrameInput::first(data, by(20.0))] {
+        tree.begin_live_frame(&frame).unwrap();
+        tree.submit_frame().unwrap();
+        root.begin_live_frame(&FrameInput { data: &plain.prepared.data, ..frame }).unwrap();
+        root.submit_frame().unwrap();
+        assert_eq!(leaves(&tree), leaves(&root), "{:?}", frame.camera.eye_m);
+    }
     // what was kept is used: a frame begins with the nodes that the one before has left, and after a reset with none
     let nodes = |tree: &Executor, name: &str| -> u32 {
         bytemuck::pod_collect_to_vec(&tree.read(kept.plan.find(name).unwrap()).unwrap())[0]
@@ -242,6 +254,46 @@ fn a_stage_reads_what_a_later_one_left() {
         // the loop is not one of zeros
         assert!(outcome.local.largest > 0.0 && outcome.accumulated.largest > 0.0, "{outcome}");
     }
+}
+
+/// An output that is made only where somebody wants it is wanted by who reads it in the next frame.
+#[test]
+fn the_next_frame_wants_what_nobody_reads_in_this_one() {
+    let chain = "[Slope, Kernel(file: \"kernels/smooth.wgsl\", bind: {\"src\": Last(\"slope\"), \"dst\": New(name: \"smooth\", of: F32, \
+                 like: \"slope\")}, over: \"smooth\")]";
+    let setup = setup(PATH, chain, Keep::Last);
+    let mut executor = setup.executor(&gpu()).unwrap();
+    let steepest = |executor: &Executor| -> f32 {
+        let bytes = executor.read(setup.plan.outputs[0]).unwrap();
+        bytemuck::pod_collect_to_vec::<u8, f32>(&bytes).into_iter().fold(0.0, f32::max)
+    };
+    executor.frame(0).unwrap();
+    assert_eq!(steepest(&executor), 0.0);
+    executor.frame(1).unwrap();
+    assert!(steepest(&executor) > 10.0);
+}
+
+/// What a frame was told of a cut is not taken over by the next one, which is none.
+#[test]
+fn a_cut_is_not_taken_over() {
+    let scene = format!(
+        "{TERRAIN}, camera: Still(frames: 4, eye: (200, 100, 900), look_at: (1300, 1500, 200)), viewport: (80, 60)"
+    );
+    let chain =
+        "[Kernel(file: \"cut.wgsl\", bind: {\"told\": New(name: \"told\", of: U32, size: (1, 1))}, over: (1, 1))]";
+    let folder = Path::new(common::ROOT).join("tests/kernels_of_tests");
+    let mut setup = Setup::chain(&scene, chain, &folder, Keep::Last).unwrap();
+    let stated = setup.prepared.chain(&Capacities::new()).unwrap();
+    let demand = Demand { outputs: stated.last_made(), keep_everything: false, reuse: true };
+    let plan = Plan::finish(stated, &demand);
+    assert_eq!(plan.reused.len(), 3);
+    setup.plan = Arc::new(plan);
+    let mut executor = setup.executor(&gpu()).unwrap();
+    let mut told = |frame: usize| {
+        let steps = executor.frame(frame).unwrap().steps.len();
+        (executor.read(setup.plan.outputs[0]).unwrap()[0], steps)
+    };
+    assert_eq!([0, 1, 2, 0, 1, 2].map(&mut told), [(1, 1), (0, 1), (0, 0), (1, 1), (0, 1), (0, 0)]);
 }
 
 /// A frame with the camera of the one before leaves out what depends on nothing else, and no bit changes.

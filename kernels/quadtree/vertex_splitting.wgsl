@@ -152,10 +152,15 @@ fn begin() {
     }
 }
 
+/// Nodes of the frame before; none after a cut, when nobody knows how far the camera has come since they were looked at.
+fn nodes_before() -> u32 {
+    return select(tree_count_last[0], 0u, params.motion.is_cut != 0u);
+}
+
 /// Starts with the tree of the frame before, or with the root where there is none.
 @compute @workgroup_size(1)
 fn begin_again() {
-    let count = tree_count_last[0];
+    let count = nodes_before();
     tree_count[0] = 0u;
     live_out[0] = node_of(GROUND_CELLS_TOP, vec2(0u));
     put_work(work_for(select(0u, 1u, count == 0u), 1u));
@@ -227,7 +232,7 @@ fn offsets(@builtin(local_invocation_index) lane: u32) {
 @compute @workgroup_size(64)
 fn offsets_of_tree(@builtin(local_invocation_index) lane: u32) {
     // without a tree there is the root
-    let count = tree_count_last[0];
+    let count = nodes_before();
     advance(lane, count, select(0u, 1u, count == 0u));
 }
 
@@ -405,7 +410,7 @@ fn put_in_suspects(thread: u32) {
 fn recall(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
           @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread >= tree_count_last[0] {
+    if thread >= nodes_before() {
         return;
     }
     let node = tree_last[thread];
@@ -443,7 +448,7 @@ fn look(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
 fn suspect(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
            @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread >= tree_count_last[0] {
+    if thread >= nodes_before() {
         return;
     }
     let node = tree_last[thread];
@@ -486,14 +491,14 @@ fn prune(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) group
 @compute @workgroup_size(64)
 fn sums_of_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                 @builtin(local_invocation_index) lane: u32) {
-    sum_up(thread_number(group, groups, lane), tree_count_last[0]);
+    sum_up(thread_number(group, groups, lane), nodes_before());
 }
 
 @compute @workgroup_size(64)
 fn append_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                @builtin(local_invocation_index) lane: u32) {
     let thread = thread_number(group, groups, lane);
-    if thread < tree_count_last[0] {
+    if thread < nodes_before() {
         let node = tree_last[thread];
         append_node(thread, node, level_carried(node), rest_last[thread]);
     }

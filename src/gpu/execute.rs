@@ -52,6 +52,9 @@ pub struct Executor {
     pub prepare_ms: f64,
 }
 
+/// Steps that one set of queries has room for; longer plans are timed as whole frames only.
+const MOST_STAMPED: usize = wgpu::QUERY_SET_MAX_QUERIES as usize / 2;
+
 /// The frame that was begun.
 #[derive(Clone, Copy, Debug)]
 struct Now {
@@ -59,8 +62,9 @@ struct Now {
     half: Half,
     /// Its number on the path; `None` for one that came by itself, or before the first.
     frame: Option<usize>,
-    /// It goes on from the frame before it on the path.
+    /// It goes on from the frame before it on the path, of which nothing was told that this one is not.
     follows: bool,
+    is_cut: bool,
     /// What earlier frames have left is to be forgotten, or there is none.
     resets: bool,
     is_first: bool,
@@ -80,12 +84,19 @@ impl Executor {
         let binder = Binder { gpu, plan, data, memory: &memory };
         let prepare = |step: &Step| step.run().map(|run| binder.prepare(step, run, &mut parameters)).transpose();
         let prepared = plan.steps.iter().map(prepare).collect::<Result<_, _>>()?;
-        let has_stamps = gpu.summary.timestamps && !plan.steps.is_empty();
+        let has_stamps = gpu.summary.timestamps && (1..=MOST_STAMPED).contains(&plan.steps.len());
         let stamps = has_stamps.then(|| Stamps::new(gpu, plan.steps.len())).transpose()?;
         gpu.queue.submit([]);
         gpu.wait()?;
-        let now =
-            Now { slot: Slot::default(), half: Half(0), frame: None, follows: false, resets: false, is_first: true };
+        let now = Now {
+            slot: Slot::default(),
+            half: Half(0),
+            frame: None,
+            follows: false,
+            is_cut: true,
+            resets: false,
+            is_first: true,
+        };
         let prepare_ms = start.elapsed().as_secs_f64() * 1e3;
         let (gpu, plan, data) = (gpu.clone(), plan.clone(), data.clone());
         Ok(Self { gpu, plan, data, memory, prepared, stamps, parameters, now, prepare_ms })
@@ -111,14 +122,15 @@ impl Executor {
                 let input = FrameInput { is_cut, ..input };
                 self.parameters.live(&self.gpu, &input)
             }
-            false => self.parameters.of_path(&self.gpu, &self.data, frame),
+            false => self.parameters.of_path(&self.gpu, &self.data, frame)?,
         };
-        let follows = !is_cut && before.is_some_and(|before| before + 1 == frame);
-        self.begin(slot, Some(frame), follows);
+        let told_otherwise = self.now.is_cut && self.parameters.tells_cuts();
+        let follows = !is_cut && !told_otherwise && before.is_some_and(|before| before + 1 == frame);
+        self.begin(slot, Some(frame), follows, is_cut);
         Ok(())
     }
 
-    /// Begins a frame with a camera that the plan has not seen.
+    /// Begins a frame with a camera that the plan has not seen. Of such frames, three can be encoded before the first has to be submitted.
     pub fn begin_live_frame(&mut self, frame: &FrameInput) -> Result<(), GpuError> {
         if !self.plan.sees_underside && self.data.ground.can_see_underside(frame.camera.eye_m) {
             let what = "the camera is under the surface or outside the terrain, and the plan is for cameras above it";
@@ -126,14 +138,14 @@ impl Executor {
         }
         let is_cut = frame.is_cut || self.now.resets || self.now.is_first;
         let slot = self.parameters.live(&self.gpu, &FrameInput { is_cut, ..*frame });
-        self.begin(slot, None, false);
+        self.begin(slot, None, false, is_cut);
         Ok(())
     }
 
-    fn begin(&mut self, slot: Slot, frame: Option<usize>, follows: bool) {
+    fn begin(&mut self, slot: Slot, frame: Option<usize>, follows: bool, is_cut: bool) {
         let Now { half, resets, is_first, .. } = self.now;
         let half = if is_first { half } else { Half(1 - half.0) };
-        self.now = Now { slot, half, frame, follows, resets, is_first: false };
+        self.now = Now { slot, half, frame, follows, is_cut, resets, is_first: false };
     }
 
     /// The next frame finds nothing of the frames before it.

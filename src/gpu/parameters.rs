@@ -109,9 +109,9 @@ impl Parameters {
     }
 
     /// The slot of a frame of the path. Frames that are not in memory are packed from this one on, which happens between frames.
-    pub fn of_path(&mut self, gpu: &Gpu, data: &SceneData, frame: usize) -> Slot {
+    pub fn of_path(&mut self, gpu: &Gpu, data: &SceneData, frame: usize) -> Result<Slot, GpuError> {
         if let Some(slot) = self.packed(frame) {
-            return slot;
+            return Ok(slot);
         }
         let inputs = (frame..frame + self.path_slots).map_while(|frame| FrameInput::of_path(data, frame));
         let frames: Vec<FrameValues> = inputs.map(|input| self.values(&input)).collect();
@@ -123,7 +123,10 @@ impl Parameters {
             gpu.queue.write_buffer(&uniform.buffer, 0, &bytes);
         }
         self.first_packed = Some(frame);
-        Slot(0)
+        // before the frame, and not with it
+        gpu.queue.submit([]);
+        gpu.wait()?;
+        Ok(Slot(0))
     }
 
     fn packed(&self, frame: usize) -> Option<Slot> {

@@ -244,7 +244,8 @@ fn binding(
     let origin = assembled.origin(span);
     let refuse = |what: &str| Err(Diagnostic::input(format!("`{name}` {what}")).at(&origin, "this binding"));
     let Some(place) = &variable.binding else { return refuse("has no binding") };
-    let is_of_ground = origin.source.name.starts_with("kernels/ground/");
+    let is_included = !std::sync::Arc::ptr_eq(&origin.source, &assembled.main);
+    let is_of_ground = is_included && origin.source.name.starts_with("kernels/ground/");
     if place.group != if is_of_ground { GROUND_GROUP } else { OWN_GROUP } {
         return refuse("is in another group than 0; a kernel has one group");
     }

@@ -99,9 +99,22 @@ impl<'a> Chain<'a> {
         self.announced = announced;
     }
 
+    /// The names that `find` answers to: a frame before this one is not there until the chain is closed.
+    fn findable(&self) -> impl Iterator<Item = &str> {
+        let ids = (0..self.buffers.len()).map(BufferId).filter(|id| !self.is_awaited(*id));
+        ids.map(|id| self.buffers[id.0].name.as_str())
+    }
+
     /// The newest buffer of a name.
     pub fn find(&self, name: &str) -> Option<BufferId> {
-        self.buffers.iter().rposition(|buffer| buffer.name == name).map(BufferId)
+        let is_there = |at: &usize| self.buffers[*at].name == name && !self.is_awaited(BufferId(*at));
+        (0..self.buffers.len()).rfind(is_there).map(BufferId)
+    }
+
+    /// An input of the scene, whatever kernels make under its name.
+    pub fn input(&self, name: &str) -> Option<BufferId> {
+        let is_input = |buffer: &Buffer| buffer.storage == Storage::Input && buffer.name == name;
+        self.buffers.iter().position(is_input).map(BufferId)
     }
 
     /// A buffer that a stage before this one made, or an input of the scene.
@@ -111,7 +124,7 @@ impl<'a> Chain<'a> {
             let message = Diagnostic::input(message).at(&self.origin, self.whose);
             match self.whose_turn_comes(name) {
                 Some(help) => message.help(help),
-                None => message.suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str())),
+                None => message.suggest(name, self.findable()),
             }
         })
     }
@@ -313,6 +326,7 @@ impl<'a> Chain<'a> {
     }
 
     pub(super) fn into_draft(self) -> Plan {
+        let sees_underside = self.sees_underside();
         Plan {
             chain: self.name,
             buffers: self.buffers,
@@ -321,7 +335,7 @@ impl<'a> Chain<'a> {
             slots: Vec::new(),
             outputs: Vec::new(),
             frames: self.data.cameras().len(),
-            sees_underside: self.data.sees_underside,
+            sees_underside,
             reused: Default::default(),
             products: self.products,
             guards: self.guards,

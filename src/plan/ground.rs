@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::product::NodeRanges;
+use super::product::{Blocks, Mesh, NodeRanges};
 use super::{BufferId, Chain, Storage};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::experiment::scene::{Held, Surface};
@@ -25,6 +25,11 @@ impl Chain<'_> {
     /// Every height is the same, as far as can be known beforehand.
     pub fn is_flat(&self) -> bool {
         self.is_scene_ground() && self.data.ground.is_flat()
+    }
+
+    /// An eye can be under the surface or beyond the border. Where a kernel has moved the ground, nobody knows.
+    pub fn sees_underside(&self) -> bool {
+        self.data.sees_underside || !self.is_scene_ground()
     }
 
     /// For a stage that relies on what is known of the scene's ground: its highest, its steepest.
@@ -59,6 +64,14 @@ impl Chain<'_> {
         let size = self.lattice().size;
         let kind = self.check_kind(heights, Elem::F32, &[size.y, size.x]);
         kind.map_err(|error| error.help("a new `height` is the ground of the stages after it"))?;
+        let promised =
+            self.products().find(|mesh: &Mesh<BufferId>| mesh.promise().is_some_and(|promise| promise.proven));
+        let split = self.products().find(|blocks: &Blocks<BufferId>| blocks.promise.proven);
+        if promised.is_some() || split.is_some() {
+            return Err(self
+                .refusal("changes the ground after a stage has promised a bound on it")
+                .help("put it in front of that stage, and let that stage promise nothing"));
+        }
         self.ground = heights;
         Ok(())
     }

@@ -9,6 +9,8 @@ use crate::kernel::Elem;
 pub(super) struct Awaited {
     name: String,
     last: BufferId,
+    /// What it has to be for who asked.
+    elem: Elem,
     stage: String,
     origin: Origin,
 }
@@ -47,19 +49,19 @@ impl Chain<'_> {
     /// What the chain leaves in a buffer, as it was in the frame before: a stage that has not had its turn may make it. `elem` is what it has
     /// to be.
     pub fn last_frame(&mut self, name: &str, elem: Elem, origin: &Origin) -> BufferId {
-        if let Some(known) = self.awaited.iter().find(|awaited| awaited.name == name) {
-            return known.last;
-        }
-        let old = Buffer::new(&format!("{name}.last"), elem, &[], "", "what the frame before left");
-        let last = self.make_with_life(Life::Kept, old);
+        let known = self.awaited.iter().find(|awaited| awaited.name == name).map(|awaited| awaited.last);
+        let last = known.unwrap_or_else(|| {
+            let old = Buffer::new(&format!("{name}.last"), elem, &[], "", "what the frame before left");
+            self.make_with_life(Life::Kept, old)
+        });
         let (name, stage, origin) = (name.to_string(), self.stage.clone(), origin.clone());
-        self.awaited.push(Awaited { name, last, stage, origin });
+        self.awaited.push(Awaited { name, last, elem, stage, origin });
         last
     }
 
     /// Says that all stages have had their turn: what was asked for of the frame before is there now, or is a mistake.
     pub fn close(&mut self) -> Result<(), Diagnostic> {
-        for Awaited { name, last, stage, origin } in std::mem::take(&mut self.awaited) {
+        for Awaited { name, last, elem, stage, origin } in std::mem::take(&mut self.awaited) {
             let Some(next) = self.find(&name) else {
                 let made = self.buffers.iter().filter(|buffer| buffer.life == Life::Frame);
                 let names = made.map(|buffer| buffer.name.as_str());
@@ -69,7 +71,8 @@ impl Chain<'_> {
                 .at(&origin, "asked for here")
                 .suggest(&name, names));
             };
-            let (made, elem) = (self.buffer(next).clone(), self.buffer(last).elem);
+            let made = self.buffer(next).clone();
+            let is_known = self.buffer(last).life == Life::LastOf(next);
             let refuse =
                 |what: String| Err(Diagnostic::input(format!("`{name}` {what}")).at(&origin, "asked for here"));
             match (made.storage, made.life) {
@@ -77,6 +80,7 @@ impl Chain<'_> {
                     return refuse(format!("holds {:?}, and here it is {elem:?}", made.elem));
                 }
                 (Storage::Buffer, Life::Frame) => {}
+                (Storage::Buffer, Life::Next) if is_known => continue,
                 (Storage::Input, _) => return refuse("is the same in every frame: bind it as it is".into()),
                 (Storage::Target, _) => return refuse("is a render target, of which nothing is kept".into()),
                 _ => return refuse("is kept from frame to frame already".into()),
@@ -87,5 +91,10 @@ impl Chain<'_> {
             self.buffers[next.0].life = Life::Next;
         }
         Ok(())
+    }
+
+    /// A later stage has yet to make it: only what the frame before left there can be bound.
+    pub(super) fn is_awaited(&self, id: BufferId) -> bool {
+        self.awaited.iter().any(|awaited| awaited.last == id)
     }
 }

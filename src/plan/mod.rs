@@ -241,13 +241,17 @@ impl Plan {
         let found = self.buffers.iter().rposition(|buffer| buffer.name == name);
         found.map(BufferId).ok_or_else(|| {
             if let Some((buffer, step)) = name.split_once('@') {
-                let steps = self.steps.iter().map(|known| format!("{}/{}", known.stage, known.label));
+                if self.buffers.iter().any(|known| known.name == buffer && known.storage == Storage::Target) {
+                    return Diagnostic::input(format!("`{buffer}` is a render target, which is drawn once a frame"))
+                        .help(format!("`--dump {buffer}` writes it"));
+                }
+                let kernels = self.steps.iter().filter(|known| known.run().is_some());
+                let steps: Vec<String> = kernels.map(|known| format!("{}/{}", known.stage, known.label)).collect();
+                let chain = &self.chain;
                 let message =
-                    format!("the chain `{}` has no step `{step}` after which there is a buffer `{buffer}`", self.chain);
-                return Diagnostic::input(message).help(format!(
-                    "its steps are {}; a stage's name means its last one",
-                    steps.collect::<Vec<_>>().join(", ")
-                ));
+                    format!("the chain `{chain}` has no step `{step}` after which there is a buffer `{buffer}`");
+                let help = format!("its steps are {}; a stage's name means its last one", steps.join(", "));
+                return Diagnostic::input(message).help(help);
             }
             Diagnostic::input(format!("no stage of the chain `{}` makes a buffer `{name}`", self.chain))
                 .suggest(name, self.buffers.iter().map(|buffer| buffer.name.as_str()))

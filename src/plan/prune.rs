@@ -10,14 +10,21 @@ pub fn classify(plan: &mut Plan) {
     plan.steps.iter_mut().for_each(|step| step.often = Often::Once);
     loop {
         let mut changed = false;
+        // buffers that a step of every frame has read by then: what changes them comes after it, in every frame
+        let mut read: Vec<BufferId> = Vec::new();
         for step in &mut plan.steps {
             let written: Vec<BufferId> = step.writes.iter().copied().chain(step.optional()).collect();
             let every_frame = |id: &BufferId| plan.buffers[id.0].often == Often::EveryFrame;
-            let moves = step.is_per_frame() || step.reads.iter().chain(&written).any(every_frame);
+            let moves = step.is_per_frame()
+                || step.reads.iter().chain(&written).any(every_frame)
+                || written.iter().any(|id| read.contains(id));
             if step.often == Often::Once && moves {
                 step.often = Often::EveryFrame;
                 written.iter().for_each(|id| plan.buffers[id.0].often = Often::EveryFrame);
                 changed = true;
+            }
+            if step.often == Often::EveryFrame {
+                read.extend(&step.reads);
             }
         }
         if !changed {
@@ -82,7 +89,13 @@ fn remembered(plan: &Plan, wanted: &[BufferId]) -> Option<BufferId> {
 pub fn resolve_optional(plan: &mut Plan, keep_everything: bool) {
     // what a step reads only to write it again is no reason to have it
     let others = plan.steps.iter().flat_map(|step| step.reads.iter().filter(|id| !step.writes.contains(id)));
-    let wanted: Vec<BufferId> = others.copied().chain(plan.outputs.iter().copied()).collect();
+    // who reads the old half of a pair wants the new one for the next frame
+    let next = |id: BufferId| match plan.buffers[id.0].life {
+        Life::LastOf(next) => Some(next),
+        _ => None,
+    };
+    let wanted = others.copied().chain(plan.outputs.iter().copied());
+    let wanted: Vec<BufferId> = wanted.flat_map(|id| [Some(id), next(id)]).flatten().collect();
     let mut dropped: Vec<BufferId> = Vec::new();
     for step in &mut plan.steps {
         let Work::Run(run) = &mut step.work else { continue };

@@ -58,9 +58,11 @@ fn unchanged(plan: &Plan, blocks: &[&'static Block], same: &[bool]) -> Vec<usize
     loop {
         let runs_again = |at: &usize| {
             let step = &plan.steps[*at];
-            let touched = |other: &Step| step.reads.iter().chain(&step.writes).any(|id| other.writes.contains(id));
-            let others = plan.steps.iter().zip(&left_out);
-            others.filter(|(other, left_out)| is_every_frame(other) && !**left_out).any(|(other, _)| touched(other))
+            let writes = |other: &Step| step.reads.iter().chain(&step.writes).any(|id| other.writes.contains(id));
+            // what runs before it must not find what it has left in the frame before
+            let reads = |other: &Step| step.writes.iter().any(|id| other.reads.contains(id));
+            let others = plan.steps.iter().enumerate().filter(|(at, other)| is_every_frame(other) && !left_out[*at]);
+            others.into_iter().any(|(number, other)| writes(other) || number < *at && reads(other))
         };
         let Some(at) = (0..left_out.len()).find(|at| left_out[*at] && runs_again(at)) else { break };
         left_out[at] = false;

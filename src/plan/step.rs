@@ -172,7 +172,8 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
                     let message = format!("`{}` is a render target; bind it as `texture_2d<u32>`", buffer.name);
                     return Err(self.mistake(message, origin));
                 }
-                if !buffer.elem.binds_as(*elem) {
+                // of what a later stage makes nothing is known yet
+                if !buffer.elem.binds_as(*elem) && !self.chain.is_awaited(id) {
                     let (held, buffer) = (buffer.elem, &buffer.name);
                     let message = format!("`{name}` is an array of {elem:?}, but the buffer `{buffer}` holds {held:?}");
                     return Err(self.mistake(message, origin));
@@ -206,10 +207,14 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
     fn check_writes(&self, touched: &Touched) -> Result<(), Diagnostic> {
         let is_read = |id: &BufferId| touched.reads.contains(id);
         let is_input = |id: &BufferId| self.chain.buffer(*id).storage == Storage::Input;
-        let Some(id) = touched.writes.iter().find(|id| is_input(id) || is_read(id)) else { return Ok(()) };
-        let what = match is_read(id) {
-            true => "is read and written by the same kernel",
-            false => "is an input of the scene and cannot be written",
+        let is_ground = |id: &BufferId| *id == self.chain.ground;
+        let Some(id) = touched.writes.iter().find(|id| is_input(id) || is_ground(id) || is_read(id)) else {
+            return Ok(());
+        };
+        let what = match (is_read(id), is_input(id)) {
+            (true, _) => "is read and written by the same kernel",
+            (false, true) => "is an input of the scene and cannot be written",
+            (false, false) => "is the ground of the stages before this one and cannot be changed in place",
         };
         Err(Diagnostic::input(format!("`{}` {what}", self.chain.buffer(*id).name))
             .at(&self.chain.origin, "this stage")

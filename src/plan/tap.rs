@@ -55,6 +55,7 @@ impl Chain<'_> {
             self.buffer(*id).name == buffer && self.steps[..=after].iter().any(touches)
         };
         let id = (0..self.buffers.len()).map(BufferId).rfind(is_there)?;
-        Some(self.tap(id, after, name))
+        // a render target is looked at as it is, under its own name
+        (self.buffer(id).storage != Storage::Target).then(|| self.tap(id, after, name))
     }
 }

@@ -15,7 +15,7 @@ pub const TILE: u32 = 8;
 /// Says what a traversal leaves out, and refuses a chain without the pyramids that it needs.
 pub fn check(chain: &mut Chain) -> Result<(), Diagnostic> {
     chain.latest::<NodeRanges<BufferId>>()?;
-    if !chain.data.sees_underside {
+    if !chain.sees_underside() {
         chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
     }
     Ok(())
@@ -23,7 +23,7 @@ pub fn check(chain: &mut Chain) -> Result<(), Diagnostic> {
 
 /// A step whose kernel casts rays.
 pub fn step<'c, 'a>(chain: &'c mut Chain<'a>, label: &str, kernel: &Arc<Kernel>, entry: &str) -> StepBuilder<'c, 'a> {
-    let underside = chain.data.sees_underside;
+    let underside = chain.sees_underside();
     let step = chain.step(label, kernel, entry).constant("UNDERSIDE", f64::from(underside));
     if underside { step } else { step.leave_unbound("ground_min") }
 }
@@ -42,7 +42,7 @@ pub fn known_tiles(chain: &Chain) -> Result<BufferId, Diagnostic> {
 /// For each tile of pixels, how far its rays can be led at once. A bundle that may start under the surface is not led past anything: there
 /// is nothing to know then.
 pub fn lead_tiles(chain: &mut Chain) -> Result<Option<BufferId>, Diagnostic> {
-    if chain.data.sees_underside {
+    if chain.sees_underside() {
         return Ok(None);
     }
     if chain.find("clear_until").is_some() {

@@ -44,6 +44,10 @@ impl New {
 
     /// Refuses a buffer that is not what it is offered as.
     pub fn check(&self, chain: &Chain, id: BufferId) -> Result<(), Diagnostic> {
+        if self.name.contains('@') {
+            return Err(Diagnostic::input(format!("`{}` cannot be the name of a buffer", self.name))
+                .help("`@` stands between a buffer and a step in `--dump`"));
+        }
         let (columns, rows) = chain.data.scene.viewport;
         let Some(offered) = self.offered()? else { return Ok(()) };
         let checked = match offered {

@@ -18,7 +18,7 @@ pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<Buff
     let size = chain.grid_size(grid.vertex, Elem::Vec4F32)?;
     let strip = strip(chain, size)?;
     let is_proven = grid.promise.is_some_and(|promise| promise.proven);
-    let tiles = match is_proven && chain.find("clear_until").is_some() && !chain.data.sees_underside {
+    let tiles = match is_proven && chain.find("clear_until").is_some() && !chain.sees_underside() {
         true => Some(known_tiles(chain)?),
         false => None,
     };
@@ -65,7 +65,7 @@ fn grid_step<'c, 'a>(
     entry: &str,
     tiles: Option<BufferId>,
 ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-    let sees_underside = chain.data.sees_underside;
+    let sees_underside = chain.sees_underside();
     let threshold_px = grid.promise.map_or(0.0, |promise| promise.bound_px);
     Ok(step(chain, label, "picture/rasterize_grid.wgsl", entry, NEAR_M)?
         .constant("PROVEN", f64::from(grid.promise.is_some_and(|promise| promise.proven)))

@@ -70,7 +70,7 @@ impl Stage for Shade {
             let reason = if self.sun { "the light is all ambient" } else { "`sun: false`" };
             chain.leave_out("normals and sun", reason, 0, pixels);
         }
-        let map = chain.find(COLOUR_MAP).filter(|_| self.map);
+        let map = chain.input(COLOUR_MAP).filter(|_| self.map);
         let map_size = map.map_or([1, 1], |map| [chain.buffer(map).dims[1], chain.buffer(map).dims[0]]);
         match (map, self.tint) {
             (Some(_), true) => chain.leave_out("the colour ramp", "the scene has a map of colours", 0, pixels),

@@ -115,7 +115,7 @@ impl Shared<'_> {
         let each = || rows.iter().map(|&y| (x, y, first_hit(self.frame, centre(x, y)))).collect();
         let undecided = || rows.iter().map(|&y| (x, y, (f64::NAN, f64::INFINITY))).collect();
         let (Some(&first), Some(&last)) = (rows.first(), rows.last()) else { return Vec::new() };
-        let Some(bound_px) = self.bound_px.filter(|_| first < last && !self.frame.data.sees_underside) else {
+        let Some(bound_px) = self.bound_px.filter(|_| first < last && !self.frame.sees_underside()) else {
             return each();
         };
         let place = 0.5 * (centre(x, first) + centre(x, last));

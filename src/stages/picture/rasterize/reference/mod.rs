@@ -76,7 +76,7 @@ impl Sky<'_> {
     /// The error of a pixel without a triangle, with its bound.
     fn error(&self, x: u32, y: u32, bound: f64) -> (f64, f64) {
         let tile = (y / TILE * self.frame.camera.viewport.0.div_ceil(TILE) + x / TILE) as usize;
-        let led = self.clear_until.as_ref().filter(|_| !self.frame.data.sees_underside);
+        let led = self.clear_until.as_ref().filter(|_| !self.frame.sees_underside());
         let is_sky = led.is_some_and(|clear| clear.value[tile] > 1e38);
         let is_unknown = led.is_some_and(|clear| clear.bound[tile] > 0.0);
         let open = if bound.is_infinite() || is_unknown { f64::INFINITY } else { f64::MIN_POSITIVE };
