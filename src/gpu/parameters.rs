@@ -6,7 +6,7 @@ use super::memory::make_buffer;
 use super::{Gpu, GpuError};
 use crate::frame::{Block, FrameInput};
 use crate::kernel::{Field, Structure, Value};
-use crate::plan::{LIVE_SLOTS, MOST_PACKED, Plan, Run, Step};
+use crate::plan::{LIVE_SLOTS, MOST_PACKED, Plan, Run};
 use crate::scene::SceneData;
 
 /// The values of all blocks of a plan in one frame.
@@ -41,12 +41,7 @@ pub struct Slot(usize);
 
 impl Parameters {
     pub fn new(plan: &Plan) -> Self {
-        let mut blocks: Vec<&'static Block> = Vec::new();
-        for (_, block) in plan.steps.iter().filter_map(Step::run).flat_map(|run| &run.blocks) {
-            if block.changes && !blocks.contains(block) {
-                blocks.push(block);
-            }
-        }
+        let blocks = plan.blocks().into_iter().filter(|block| block.changes).collect();
         let path_slots = plan.frames.min(MOST_PACKED);
         Self { blocks, uniforms: Vec::new(), path_slots, first_packed: None, next_live: 0 }
     }

@@ -20,9 +20,27 @@ pub fn is_north_west(place: DVec2) -> bool {
 }
 
 /// A number that is whole where a place in sample coordinates is on the diagonal of a cell.
-pub fn across_diagonals(sample: DVec2) -> f64 {
+fn across_diagonals(sample: DVec2) -> f64 {
     sample.x + sample.y
 }
+
+/// Where a ray crosses columns, rows and diagonals between two of its places: all that a surface can bend at. (A patch has its largest
+/// distance from its edges on its diagonal.) The ray begins at `origin`; it and `direction` are in sample coordinates.
+pub fn bends(origin: DVec2, direction: DVec2, from: f64, to: f64) -> Vec<f64> {
+    let lines =
+        [(origin.x, direction.x), (origin.y, direction.y), (across_diagonals(origin), across_diagonals(direction))];
+    let crossings = lines.into_iter().flat_map(|(start, speed)| {
+        let (a, b) = (start + speed * from, start + speed * to);
+        let (low, high) = (a.min(b).ceil(), a.max(b).floor());
+        let is_crossed = speed != 0.0 && high - low < MOST_LINES;
+        let lines = (low as i64..=high as i64).take_while(move |_| is_crossed);
+        lines.map(move |line| (line as f64 - start) / speed).filter(move |t| (from..=to).contains(t))
+    });
+    crossings.collect()
+}
+
+/// Lines of one direction that a ray is followed over; more than any terrain has.
+const MOST_LINES: f64 = 1e6;
 
 impl Cell {
     /// Height of the surface at a place.

@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec2, DVec3, UVec2};
 use rayon::prelude::*;
 
-use super::cell::{Cell, across_diagonals};
+use super::cell::{Cell, bends};
 use super::{Ground, Lattice, Part, Ray};
 use crate::experiment::scene::Surface;
 use crate::terrain::HeightField;
@@ -159,20 +159,9 @@ impl Ground for Samples {
         (enter <= leave).then_some((enter, leave))
     }
 
-    /// Columns, rows and diagonals. (A patch has its largest distance from its edges on its diagonal.)
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64> {
         let origin = self.lattice.sample_from_world(ray.eye_m.truncate());
-        let direction = self.lattice.cells_from_world(ray.direction.truncate());
-        let lines =
-            [(origin.x, direction.x), (origin.y, direction.y), (across_diagonals(origin), across_diagonals(direction))];
-        let crossings = lines.into_iter().flat_map(|(start, speed)| {
-            let (a, b) = (start + speed * from, start + speed * to);
-            let (low, high) = (a.min(b).ceil(), a.max(b).floor());
-            let is_crossed = speed != 0.0 && high - low < MOST_LINES;
-            let lines = (low as i64..=high as i64).take_while(move |_| is_crossed);
-            lines.map(move |line| (line as f64 - start) / speed).filter(move |t| (from..=to).contains(t))
-        });
-        crossings.collect()
+        bends(origin, self.lattice.cells_from_world(ray.direction.truncate()), from, to)
     }
 
     fn parts(&self) -> &[Part] {
@@ -217,6 +206,3 @@ impl Ground for Samples {
         "[HeightPyramid, RayCast, Shade]"
     }
 }
-
-/// Lines of one direction that a ray is followed over; more than any terrain has.
-const MOST_LINES: f64 = 1e6;

@@ -8,7 +8,7 @@ use blake3::Hasher;
 
 use super::product::Drawn;
 use super::{BufferId, How, Life, Plan, Run, Step, Storage, Vertices, Work};
-use crate::frame::{Block, FrameInput};
+use crate::frame::FrameInput;
 use crate::kernel::{Packing, Value};
 use crate::scene::{SceneData, Views};
 
@@ -177,11 +177,7 @@ impl Digest {
             self.number(*frame as u64);
             steps.iter().for_each(|&step| self.number(step as u64));
         }
-        let used = |block: &&'static Block| {
-            let uses = |run: &Run| run.blocks.iter().any(|(_, own)| own == block);
-            plan.steps.iter().filter_map(Step::run).any(uses)
-        };
-        let blocks: Vec<&Block> = crate::frame::BLOCKS.iter().filter(used).collect();
+        let blocks = plan.blocks();
         let frames = path.cameras.len();
         for at in 0..frames.min(MOST_FRAMES) {
             let frame = at * frames / frames.min(MOST_FRAMES);

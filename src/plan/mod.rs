@@ -20,6 +20,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::experiment::diagnostic::Diagnostic;
+use crate::frame::{BLOCKS, Block};
 use crate::kernel::{BindingKind, Elem, Packing};
 use product::Products;
 
@@ -309,6 +310,13 @@ impl Plan {
 }
 
 impl Plan {
+    /// The blocks that some step has, each once.
+    pub fn blocks(&self) -> Vec<&'static Block> {
+        let has = |run: &Run, block: &Block| run.blocks.iter().any(|(_, own)| *own == block);
+        let is_used = |block: &&'static Block| self.steps.iter().filter_map(Step::run).any(|run| has(run, block));
+        BLOCKS.iter().filter(is_used).collect()
+    }
+
     /// Frames whose parameters are in memory at a time: those of a path are packed ahead, a camera that comes takes one of the last.
     pub fn packed_frames(&self) -> usize {
         self.frames.min(MOST_PACKED) + LIVE_SLOTS

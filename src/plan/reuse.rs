@@ -11,7 +11,7 @@ use crate::scene::SceneData;
 /// Finds, for each frame of the path, the steps whose inputs are those of the frame before. A step is one of them if its parameters are the
 /// same, if no history comes into it, and if everything that writes what it reads or writes is one of them, too.
 pub fn find(plan: &mut Plan, data: &SceneData) {
-    let blocks = changing_blocks(plan);
+    let blocks: Vec<&'static Block> = plan.blocks().into_iter().filter(|block| block.changes).collect();
     let values = |frame: &FrameInput| -> Vec<Vec<Value>> { blocks.iter().map(|block| block.values(frame)).collect() };
     // by which of the blocks are the same: in many frames it is the same ones
     let mut known: BTreeMap<Vec<bool>, Arc<[usize]>> = BTreeMap::new();
@@ -32,16 +32,6 @@ pub fn find(plan: &mut Plan, data: &SceneData) {
         }
         before = Some((now, new));
     }
-}
-
-fn changing_blocks(plan: &Plan) -> Vec<&'static Block> {
-    let mut blocks: Vec<&'static Block> = Vec::new();
-    for (_, block) in plan.steps.iter().filter_map(Step::run).flat_map(|run| &run.blocks) {
-        if block.changes && !blocks.contains(block) {
-            blocks.push(block);
-        }
-    }
-    blocks
 }
 
 /// The steps to leave out where these of the blocks are as before.

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use glam::{DVec2, DVec3, UVec2};
 use lodlab::experiment::scene::Surface;
-use lodlab::ground::cell::{Cell, across_diagonals};
+use lodlab::ground::cell::{Cell, bends};
 use lodlab::ground::{Ground, Lattice, Part, Ray};
 
 /// Cells a side of a tile.
@@ -98,14 +98,7 @@ impl Ground for Window {
     }
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64> {
         let origin = self.lattice.sample_from_world(ray.eye_m.truncate());
-        let direction = self.lattice.cells_from_world(ray.direction.truncate());
-        let lines =
-            [(origin.x, direction.x), (origin.y, direction.y), (across_diagonals(origin), across_diagonals(direction))];
-        let crossings = lines.into_iter().flat_map(|(start, speed)| {
-            let (a, b) = (start + speed * from, start + speed * to);
-            (a.min(b).ceil() as i64..=a.max(b).floor() as i64).map(move |line| (line as f64 - start) / speed)
-        });
-        crossings.filter(|t| (from..=to).contains(t)).collect()
+        bends(origin, self.lattice.cells_from_world(ray.direction.truncate()), from, to)
     }
     fn parts(&self) -> &[Part] {
         &self.parts
