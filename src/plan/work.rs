@@ -161,7 +161,7 @@ impl Run {
         }
     }
 
-    /// The value of a constant, if the kernel has it.
+    /// The constants that the kernel has, with their values.
     pub fn constants(&self) -> impl Iterator<Item = (&str, f64)> {
         let known = self.constants.iter().filter(|(name, _)| self.kernel.overrides.contains(name));
         known.map(|(name, value)| (name.as_str(), *value))

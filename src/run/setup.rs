@@ -95,6 +95,13 @@ fn load_scene(
 }
 
 impl Prepared {
+    /// The first cell of an experiment.
+    fn first(text: String, folder: PathBuf, settings: &[Setting]) -> Result<Self, Diagnostic> {
+        let experiment = Experiment::read(Source::new("setup", text), folder)?;
+        let first = prepare(&experiment, settings)?.into_iter().next();
+        first.ok_or_else(|| Diagnostic::input("this experiment has no cell"))
+    }
+
     /// The chain with all of its stages stated.
     pub fn chain(&self, capacities: &Capacities) -> Result<Chain<'_>, Diagnostic> {
         self.chain_and_look(capacities, &mut |_, _| ())
@@ -154,7 +161,12 @@ pub enum Keep {
     Everything,
 }
 
-/// One chain, planned: what checks, tests and benches run.
+/// An experiment of one chain over a scene.
+fn text_of(scene: &str, chain: &str) -> String {
+    format!("Experiment(scene: ({scene}), chains: {{\"chain\": {chain}}}, measure: [Time])")
+}
+
+/// One chain, planned: what tests and benches run.
 pub struct Setup {
     pub prepared: Prepared,
     pub plan: Arc<Plan>,
@@ -164,15 +176,12 @@ impl Setup {
     /// A chain over a scene, both as in an experiment file: `scene` is what stands between `scene: (` and `)`, `chain` a list of
     /// stages. Files that they name are relative to `folder`.
     pub fn chain(scene: &str, chain: &str, folder: &Path, keep: Keep) -> Result<Self, Diagnostic> {
-        let text = format!("Experiment(scene: ({scene}), chains: {{\"chain\": {chain}}}, measure: [Time])");
-        Self::first(text, folder.to_path_buf(), &[], keep)
+        Self::first(text_of(scene, chain), folder.to_path_buf(), &[], keep)
     }
 
     /// The first cell of an experiment.
     pub fn first(text: String, folder: PathBuf, settings: &[Setting], keep: Keep) -> Result<Self, Diagnostic> {
-        let experiment = Experiment::read(Source::new("setup", text), folder)?;
-        let prepared = prepare(&experiment, settings)?.into_iter().next();
-        let prepared = prepared.ok_or_else(|| Diagnostic::input("this experiment has no cell"))?;
+        let prepared = Prepared::first(text, folder, settings)?;
         let plan = match keep {
             Keep::Last => plan(&prepared, &Options::default())?,
             Keep::Everything => {
@@ -209,10 +218,7 @@ pub struct Tap {
 impl Tapped {
     /// See [`Setup::chain`].
     pub fn chain(scene: &str, chain: &str, folder: &Path) -> Result<Self, Diagnostic> {
-        let text = format!("Experiment(scene: ({scene}), chains: {{\"chain\": {chain}}}, measure: [Time])");
-        let experiment = Experiment::read(Source::new("setup", text), folder.to_path_buf())?;
-        let prepared = prepare(&experiment, &[])?.into_iter().next();
-        let prepared = prepared.ok_or_else(|| Diagnostic::input("this experiment has no cell"))?;
+        let prepared = Prepared::first(text_of(scene, chain), folder.to_path_buf(), &[])?;
         let mut taps = Vec::new();
         let chain = prepared.chain_and_look(&Capacities::new(), &mut |chain, stage_index| {
             for id in chain.written() {
