@@ -3,8 +3,8 @@
 //! The modules in the order in which they build on each other: an [`experiment`] file names a [`terrain`], a [`camera`] path and chains of
 //! stages. The [`ground`] says what the surface is. A stage dispatches WGSL from a [`kernel`] file. Ground, inputs and cameras are a [`scene`];
 //! what kernels are told of one camera is a [`frame`]. A cell of the experiment's sweep becomes a [`plan`], a pure value: what runs, on
-//! which buffers, and what is left out and why. A [`mod@reference`] says in f64 what each buffer should hold. The [`stages`] state both.
-//! The [`gpu`] carries plans out; the buffers that come back are compared with exact ground truth by each [`measure`]. A [`report`] is made of
+//! which buffers, and what is left out and why. A [`mod@reference`] says in f64 what each buffer should hold. The [`stages`] state both. A [`look`]
+//! is a way to see a buffer. The [`gpu`] carries plans out; the buffers that come back are compared with exact ground truth by each [`measure`]. A [`report`] is made of
 //! the records that a [`run`] keeps of its cells. The [`check`] holds every stage to its reference.
 //!
 //! ```
@@ -38,8 +38,11 @@ pub mod frame;
 pub mod plan;
 pub mod reference;
 pub mod stages;
+pub mod look;
 pub mod gpu;
 pub mod measure;
 pub mod report;
 pub mod run;
 pub mod check;
+#[cfg(feature = "inspector")]
+pub mod inspector;

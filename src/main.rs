@@ -56,6 +56,15 @@ enum Command {
         /// Writes a buffer of every frame as .npy: as the frame leaves it, or as it is after a step (a stage, a label, or STAGE/LABEL)
         #[arg(long, value_name = "BUFFER[@STEP]")]
         dump: Vec<String>,
+        /// Puts a look of a buffer into the page, named as for --dump; of the frame in the middle of the path
+        #[arg(long, value_name = "BUFFER[@STEP]")]
+        picture: Vec<String>,
+        /// Makes these pictures of every frame
+        #[arg(long, requires = "picture")]
+        every_frame: bool,
+        /// Computes a stage in f64 on the CPU and gives its result to the kernels after it; `Stage#2` is the second of a name
+        #[arg(long, value_name = "STAGE")]
+        on_cpu: Vec<String>,
         /// Runs finished cells again
         #[arg(long)]
         force: bool,
@@ -79,8 +88,102 @@ enum Command {
         #[arg(long, value_name = "NAME")]
         adapter: Option<String>,
     },
+    /// Shows every buffer of an experiment in a window; without a file, the experiments that ship
+    Inspect(Inspect),
     /// Lists the adapters
     Devices,
+}
+
+#[derive(clap::Args)]
+struct Inspect {
+    file: Option<PathBuf>,
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    set: Vec<String>,
+    /// The adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    /// Makes a picture of the window instead of opening one
+    #[arg(long, value_name = "OUT.png")]
+    screenshot: Option<PathBuf>,
+    /// The chain (or the cell, as tables call it) that is shown
+    #[arg(long, value_name = "CHAIN")]
+    chain: Option<String>,
+    /// A buffer to see, as `--dump` names it, or truth, truth-distance, error; each has a view of its own
+    #[arg(long, value_name = "BUFFER[@STEP]")]
+    buffer: Vec<String>,
+    /// The step after which the buffers are seen
+    #[arg(long, value_name = "STEP")]
+    after: Option<String>,
+    /// The frame of the path
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    frame: usize,
+    /// How buffers are seen: image, levels, plot, table, figure, above, view, orbit
+    #[arg(long, value_name = "NAME")]
+    look: Option<String>,
+    /// The level of a pyramid
+    #[arg(long, value_name = "N")]
+    level: Option<u32>,
+    /// The lowest and the highest value that colours tell apart
+    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 2, allow_hyphen_values = true)]
+    range: Vec<f32>,
+    /// What the buffers are compared with: f64, truth
+    #[arg(long, value_name = "WHAT")]
+    against: Option<String>,
+    /// A folder that a run has left, for the results pane
+    #[arg(long, value_name = "DIR")]
+    results: Option<PathBuf>,
+    /// Width and height of the picture
+    #[arg(long, value_name = "WxH", default_value = "1440x900", value_parser = read_size)]
+    size: (u32, u32),
+    /// Only what the first view has painted
+    #[arg(long)]
+    only_view: bool,
+}
+
+fn read_size(text: &str) -> Result<(u32, u32), String> {
+    let (width, height) = text.split_once('x').ok_or("expected WIDTHxHEIGHT")?;
+    let side = |text: &str| match text.parse() {
+        Ok(side) if (16..=8192).contains(&side) => Ok(side),
+        _ => Err(format!("`{text}` is not a side of 16 to 8192 pixels")),
+    };
+    Ok((side(width)?, side(height)?))
+}
+
+#[cfg(not(feature = "inspector"))]
+fn inspect(_wanted: Inspect) -> Result<(), Diagnostic> {
+    Err(Diagnostic::input("this lodlab was built without the inspector")
+        .help("`scripts/inspect` builds it with, or `cargo build --release --features inspector`"))
+}
+
+#[cfg(feature = "inspector")]
+fn inspect(wanted: Inspect) -> Result<(), Diagnostic> {
+    use lodlab::inspector::{Shot, window};
+    lodlab::kernel::read_from_checkout();
+    let gpu = Gpu::open(wanted.adapter.as_deref())?;
+    let shot = Shot {
+        file: wanted.file,
+        out: wanted.screenshot.clone().unwrap_or_default(),
+        set: wanted.set,
+        chain: wanted.chain,
+        buffers: wanted.buffer,
+        after: wanted.after,
+        frame: wanted.frame,
+        form: wanted.look,
+        range: <[f32; 2]>::try_from(wanted.range).ok().map(|[low, high]| (low, high)),
+        level: wanted.level,
+        against: wanted.against,
+        only_view: wanted.only_view,
+        results: wanted.results,
+        size: wanted.size,
+    };
+    match wanted.screenshot {
+        Some(out) => {
+            shot.take(&gpu)?;
+            say!("wrote {}", out.display());
+            Ok(())
+        }
+        None => window(&gpu, &shot),
+    }
 }
 
 /// Without a display, Mesa's layer for choosing a device asks Wayland for one and complains in front of a user's first table.
@@ -95,16 +198,18 @@ fn quiet_driver() {
 fn main() -> ExitCode {
     quiet_driver();
     let result = match Cli::parse().command {
-        Command::Run { files, set, out, adapter, frames, dump, force, keep_everything } => {
+        Command::Run { files, set, out, adapter, frames, dump, picture, every_frame, on_cpu, force, keep_everything } => {
             let set = set.into_iter().chain(frames.map(|frames| format!("scene.camera.frames={frames}")));
             settings(set).and_then(|settings| {
-                let options = Options { settings, adapter, dump, force, keep_everything };
+                let pictures = picture;
+                let options = Options { settings, adapter, dump, pictures, every_frame, on_cpu, force, keep_everything };
                 run_files(&files, out, &options)
             })
         }
         Command::Plan { file, set } => settings(set.into_iter()).and_then(|settings| show_plans(&file, settings)),
         Command::Stages { name } => show_stages(name.as_deref()),
         Command::Check { stage, adapter } => run_checks(stage.as_deref(), adapter.as_deref()),
+        Command::Inspect(wanted) => inspect(wanted),
         Command::Devices => show_devices(),
     };
     match result {

@@ -97,7 +97,7 @@ impl Values {
     }
 
     /// Nothing is there, and nothing is ever written there: memory holds anything.
-    fn is_gap(&self, at: usize) -> bool {
+    pub fn is_gap(&self, at: usize) -> bool {
         self.value[at].is_nan() && self.bound[at] == 0.0
     }
 }

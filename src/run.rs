@@ -1,13 +1,15 @@
 //! A run: experiments to cells, cells to records, records to reports. Finished cells are not run again.
 
 mod cell;
-mod dump;
+pub mod dump;
 mod job;
 mod overflow;
 mod reports;
 mod setup;
+pub mod sight;
 mod timings;
 mod truth;
+pub mod walk;
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -21,11 +23,11 @@ use crate::gpu::Gpu;
 use crate::plan::{Capacities, Plan};
 use crate::report::records::{Identity, Record, Store};
 
-use overflow::Overflow;
+pub use overflow::Overflow;
 
 pub use job::{Job, jobs};
-pub use setup::{Keep, Prepared, Setup, Tap, Tapped, plan, prepare};
-pub use truth::Truth;
+pub use setup::{Keep, Prepared, Scenes, Setup, Tap, Tapped, plan, prepare};
+pub use truth::{Truth, plan as truth_plan};
 
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -34,6 +36,11 @@ pub struct Options {
     pub adapter: Option<String>,
     /// Buffers to write as `.npy`, every frame.
     pub dump: Vec<String>,
+    /// Buffers whose looks go into the page, as dumps are named; of the frame in the middle, or of every one.
+    pub pictures: Vec<String>,
+    pub every_frame: bool,
+    /// Stages whose f64 result takes the place of what their kernels make.
+    pub on_cpu: Vec<String>,
     /// Run finished cells again.
     pub force: bool,
     /// Leave nothing out.
@@ -105,7 +112,7 @@ pub fn carry_out(
         tell(Event::Warning(format!("`{}` is no record of this version, and its cell runs again", path.display())));
     }
     let is_finished = |identity: &Identity| store.finished(&identity.hash()).is_some();
-    let runs_anyway = options.force || !options.dump.is_empty();
+    let runs_anyway = options.force || !options.dump.is_empty() || !options.pictures.is_empty();
     let must_run: Vec<bool> = identities.iter().map(|identity| runs_anyway || !is_finished(identity)).collect();
     let finished = must_run.iter().filter(|must| !**must).count();
     tell(Event::Started { cells: jobs.len(), finished });
@@ -122,7 +129,8 @@ pub fn carry_out(
 /// The identities of all jobs, or the first thing that is wrong with one.
 fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Vec<Identity>, Diagnostic> {
     let mut hashes = job::InputHashes::default();
-    let mut absent: Vec<(&String, Option<Diagnostic>)> = options.dump.iter().map(|name| (name, None)).collect();
+    let looked_at = options.dump.iter().chain(&options.pictures);
+    let mut absent: Vec<(&String, Option<Diagnostic>)> = looked_at.map(|name| (name, None)).collect();
     let (mut identities, mut does_not_fit) = (Vec::new(), None);
     for job in jobs {
         let plan = job.plan()?;
@@ -135,6 +143,13 @@ fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Vec<Identity>, 
         });
         does_not_fit = does_not_fit.or(gpu.check_plan(&plan).err());
         identities.push(job.identity(&plan, &mut hashes, gpu));
+    }
+    for name in &options.on_cpu {
+        let has = |job: &Job| !walk::find_stages(&job.prepared.cell, std::slice::from_ref(name)).is_empty();
+        if !jobs.iter().any(has) {
+            let stages = jobs.iter().flat_map(|job| job.prepared.cell.stages.iter().map(|call| call.name.as_str()));
+            return Err(Diagnostic::input(format!("there is no cell with a stage `{name}`")).suggest(name, stages.collect::<BTreeSet<_>>()));
+        }
     }
     match (absent.into_iter().next(), does_not_fit) {
         (Some((name, why)), _) => Err(why.unwrap_or_else(|| nothing_to_dump(name))),
@@ -189,6 +204,7 @@ impl Sweep<'_> {
         }
         let reason = match self.store.finished(&hash) {
             Some(_) if !self.options.dump.is_empty() => "dump asked for".into(),
+            Some(_) if !self.options.pictures.is_empty() => "picture asked for".into(),
             Some(_) => "forced".into(),
             None => self.store.reason(&cell.chain, &cell.settings, identity),
         };
@@ -237,6 +253,7 @@ impl Sweep<'_> {
             chain: cell.chain.clone(),
             settings: cell.settings.clone(),
             measures: results.measures,
+            looks: results.looks,
             timings: results.timings,
             bytes: plan.bytes(),
             buffers: results.buffers,

@@ -150,6 +150,12 @@ impl SceneData {
         Self { views: Views::Any, sees_underside: true, ..self.clone() }
     }
 
+    /// The same scene with other cameras.
+    pub fn with_cameras(&self, cameras: Vec<Camera>) -> Self {
+        let sees_underside = cameras.iter().any(|camera| self.ground.can_see_underside(camera.eye_m));
+        Self { views: Views::Path(Path::new(cameras)), sees_underside, ..self.clone() }
+    }
+
     /// The cameras of the path; none if any camera may come.
     pub fn cameras(&self) -> &[Camera] {
         match &self.views {

@@ -14,10 +14,10 @@ use std::sync::Arc;
 use cases::Case;
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::{Executor, Gpu, GpuError};
-use crate::plan::{Buffer, BufferId, Plan};
+use crate::gpu::{Gpu, GpuError};
 use crate::reference::{self, Buffers, Difference, Frame, Values};
 use crate::run::Tapped;
+use crate::run::walk::{read, without_gaps};
 use crate::scene::HEIGHT;
 use crate::stages::{self, Example};
 
@@ -191,13 +191,6 @@ fn compare(
     outcome
 }
 
-/// GPU values, with nothing where the reference has a gap (a level that is not made): the memory there holds anything.
-fn without_gaps(mut values: Values, reference: &Values) -> Values {
-    let gaps = reference.value.iter().zip(&reference.bound).map(|(value, bound)| value.is_nan() && *bound == 0.0);
-    values.value.iter_mut().zip(gaps).filter(|(_, gap)| *gap).for_each(|(value, _)| *value = f64::NAN);
-    values
-}
-
 /// Frames of a case are one line: the worst of them.
 fn merge(outcomes: &mut Vec<Outcome>, outcome: Outcome) {
     let same = outcomes.iter_mut().find(|known| known.stage == outcome.stage && known.buffer == outcome.buffer);
@@ -207,10 +200,4 @@ fn merge(outcomes: &mut Vec<Outcome>, outcome: Outcome) {
     if known.verdict == Verdict::Compared {
         known.verdict = outcome.verdict;
     }
-}
-
-/// A GPU buffer in f64, unpacked, NaN where there is no surface.
-fn read(executor: &Executor, plan: &Plan, id: BufferId) -> Result<Values, Diagnostic> {
-    let buffer: &Buffer = plan.buffer(id);
-    Ok(Values::exact(&buffer.dims, buffer.components(), buffer.values(&executor.read(id)?)))
 }

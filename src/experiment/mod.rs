@@ -1,6 +1,7 @@
 //! One RON file: what is looked at, which chains of stages draw it, what is varied and what is measured.
 
 pub mod diagnostic;
+mod edit;
 pub mod parameters;
 pub mod scene;
 pub mod sweep;

@@ -20,6 +20,43 @@ pub struct Parameter {
     /// The names that are accepted, for one that is a choice, with what each means.
     pub choices: Vec<(String, String)>,
     pub meaning: String,
+    pub kind: ParameterKind,
+}
+
+/// What a parameter is, for somebody who has to offer a way to change it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ParameterKind {
+    /// So many numbers (one, or a tuple), each within the limits.
+    Numbers { count: usize, is_whole: bool, limits: Limits },
+    Flag,
+    /// One of the choices.
+    Choice,
+    /// Whatever its RON is.
+    #[default]
+    Other,
+}
+
+impl ParameterKind {
+    fn of(field: &Value, has_choices: bool) -> Self {
+        let is = |field: &Value, kind: &str| match field.get("type") {
+            Some(Value::Array(kinds)) => kinds.iter().any(|known| known == kind),
+            Some(known) => known == kind,
+            None => false,
+        };
+        let number = |field: &Value| is(field, "integer") || is(field, "number");
+        let limits = Limits::of(field);
+        let items: Vec<&Value> = field.get("prefixItems").and_then(Value::as_array).into_iter().flatten().collect();
+        match () {
+            () if has_choices => ParameterKind::Choice,
+            () if is(field, "boolean") => ParameterKind::Flag,
+            () if number(field) => ParameterKind::Numbers { count: 1, is_whole: is(field, "integer"), limits },
+            () if !items.is_empty() && items.iter().all(|item| number(item)) => {
+                let is_whole = items.iter().all(|item| is(item, "integer"));
+                ParameterKind::Numbers { count: items.len(), is_whole, limits }
+            }
+            () => ParameterKind::Other,
+        }
+    }
 }
 
 /// The JSON schema of a structure of parameters; `fn` pointers to this are what registries hold.
@@ -79,6 +116,7 @@ pub fn describe(schema: &Schema) -> Vec<Parameter> {
             name: name.clone(),
             default: field.get("default").map(|value| as_written(value, !choices.is_empty())),
             range: Limits::of(field).text(),
+            kind: ParameterKind::of(field, !choices.is_empty()),
             choices,
             meaning: meaning.split_whitespace().collect::<Vec<_>>().join(" "),
         }
@@ -118,11 +156,11 @@ fn as_written(value: &Value, is_choice: bool) -> String {
 }
 
 /// The numbers that a field accepts. Of a tuple of numbers, each.
-#[derive(Clone, Copy, Debug, Default)]
-struct Limits {
-    least: Option<f64>,
-    above: Option<f64>,
-    most: Option<f64>,
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limits {
+    pub least: Option<f64>,
+    pub above: Option<f64>,
+    pub most: Option<f64>,
 }
 
 impl Limits {

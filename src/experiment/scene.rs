@@ -4,9 +4,13 @@
 
 use std::path::PathBuf;
 
+use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+use super::parameters::schema;
+use super::tree::Node;
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
     pub terrain: Terrain,
@@ -39,7 +43,7 @@ fn default_fov_deg() -> f64 {
 }
 
 /// The definition of the surface between the samples; ground truth is exact for either.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Surface {
     /// Two triangles a cell; the diagonal joins the north-east and the south-west sample.
     #[default]
@@ -49,7 +53,7 @@ pub enum Surface {
 }
 
 /// The form of the height samples on the device. What kernels compute does not depend on it, how fast they are does.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Held {
     /// An image for kernels that fetch four samples at once, an array for the others; an image for all where an array is too large for some
     /// adapter.
@@ -60,7 +64,7 @@ pub enum Held {
 }
 
 /// A map of colours that lies on the ground; its first and last columns and rows are on the terrain's border.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Colour {
     /// A picture, row 0 in the north.
     Image(ColourImage),
@@ -68,7 +72,7 @@ pub enum Colour {
     Cover(Cover),
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ColourImage {
     /// Path of a `.png`, relative to the experiment file.
@@ -76,7 +80,7 @@ pub struct ColourImage {
 }
 
 /// One colour a sample: rock where it is steep, snow where it is high, and otherwise meadow, which gets thinner with height.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Cover {
     /// Steeper ground is rock, in degrees. Default: 35.
@@ -93,7 +97,7 @@ impl Default for Cover {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Terrain {
     Dem(Dem),
     Noise(Noise),
@@ -101,7 +105,7 @@ pub enum Terrain {
 }
 
 /// An elevation file: `.png` (8 or 16 bit grey), `.tif`/`.tiff` (GeoTIFF), `.hgt`, `.hgt.zip`, `.npy`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Dem {
     /// Path of the file, relative to the experiment file.
@@ -136,7 +140,7 @@ pub struct Dem {
     pub vertical_scale: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Nodata {
     /// A sample without data is an error that says where it is.
     #[default]
@@ -148,7 +152,7 @@ pub enum Nodata {
 }
 
 /// Metres between samples.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected metres between samples: one number, or (x, y)")]
 pub enum CellSize {
     Square(f64),
@@ -165,7 +169,7 @@ impl CellSize {
 }
 
 /// Procedural heights from the `noise` crate; the same seed gives the same terrain everywhere.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
     pub kind: NoiseKind,
@@ -198,7 +202,7 @@ pub struct Noise {
     pub warp_m: f64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum NoiseKind {
     Fbm,
     Ridged,
@@ -208,7 +212,7 @@ pub enum NoiseKind {
 }
 
 /// Exact shapes, for teaching and for tests.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
     pub kind: ShapeKind,
@@ -226,7 +230,7 @@ pub struct Shape {
     pub period_cells: f64,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum ShapeKind {
     /// The lowest height everywhere.
     Flat,
@@ -276,7 +280,7 @@ fn default_period_cells() -> f64 {
 }
 
 /// A camera path with a given number of frames: the same frames every time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Camera {
     Still(Still),
     Orbit(Orbit),
@@ -293,7 +297,7 @@ impl Camera {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Still {
     /// How often the same picture is made, for timings. Default: 1.
@@ -318,7 +322,7 @@ pub struct Still {
     pub clearance_m: Option<f64>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Orbit {
     pub frames: u32,
@@ -339,7 +343,7 @@ pub struct Orbit {
 }
 
 /// Eye and look-at points joined by Catmull-Rom splines; the keys are evenly spaced in time.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Flight {
     pub frames: u32,
@@ -349,7 +353,7 @@ pub struct Flight {
     pub clearance_m: Option<f64>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
     pub eye: (f64, f64, f64),
@@ -364,7 +368,7 @@ fn south() -> f64 {
 }
 
 /// Where the sun stands; used by `Shade`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Light {
     /// Degrees clockwise from north. Default: 315.
@@ -379,4 +383,42 @@ impl Default for Light {
     fn default() -> Self {
         Self { azimuth_deg: 315.0, elevation_deg: 40.0, ambient: 0.25 }
     }
+}
+
+/// A part of a scene whose fields are parameters.
+pub struct Part {
+    /// Where it is, as paths of sweeps and settings have it.
+    pub path: &'static str,
+    /// The structure's name in the file; a part without one is what stands at its path.
+    pub name: &'static str,
+    pub parameters: fn() -> Schema,
+}
+
+const fn part(path: &'static str, name: &'static str, parameters: fn() -> Schema) -> Part {
+    Part { path, name, parameters }
+}
+
+/// All of them, each kind of terrain and camera by its name.
+pub const PARTS: &[Part] = &[
+    part("scene", "", schema::<Scene>),
+    part("scene.terrain", "Dem", schema::<Dem>),
+    part("scene.terrain", "Noise", schema::<Noise>),
+    part("scene.terrain", "Shape", schema::<Shape>),
+    part("scene.colour", "Image", schema::<ColourImage>),
+    part("scene.colour", "Cover", schema::<Cover>),
+    part("scene.camera", "Still", schema::<Still>),
+    part("scene.camera", "Orbit", schema::<Orbit>),
+    part("scene.camera", "Flight", schema::<Flight>),
+    part("scene.light", "", schema::<Light>),
+];
+
+/// The parts that a scene has, each with what is written of it.
+pub fn parts(scene: &Node) -> Vec<(&'static Part, Option<&Node>)> {
+    let found = |part: &'static Part| {
+        let Some(field) = part.path.strip_prefix("scene.") else { return Some((part, Some(scene))) };
+        let node = scene.field(field);
+        let is_it = part.name.is_empty() || node.and_then(Node::name) == Some(part.name);
+        is_it.then_some((part, node))
+    };
+    PARTS.iter().filter_map(found).collect()
 }

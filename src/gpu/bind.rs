@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 
-use super::cache::{DrawKey, Pipeline, PipelineKey};
+use super::cache::{DrawKey, Pipeline, PipelineKey, Topology};
 use super::execute::{Half, Memory};
 use super::memory::{Place, colour};
 use super::parameters::Parameters;
@@ -74,7 +74,7 @@ impl Binder<'_> {
             layouts,
             draw: run.drawn().map(|(is_strip, target, fragment)| DrawKey {
                 fragment: fragment.into(),
-                is_strip,
+                topology: if is_strip { Topology::Strip } else { Topology::Triangles },
                 target: colour(self.plan.buffer(target).elem),
             }),
         };
@@ -83,7 +83,7 @@ impl Binder<'_> {
 }
 
 /// The entries of one group of a step, each once, whichever entry points have it.
-fn layout_entries(entries: &[&Entry], group: u32) -> Vec<wgpu::BindGroupLayoutEntry> {
+pub(super) fn layout_entries(entries: &[&Entry], group: u32) -> Vec<wgpu::BindGroupLayoutEntry> {
     let mut found: BTreeMap<u32, wgpu::BindGroupLayoutEntry> = BTreeMap::new();
     for entry in entries {
         let visibility = match entry.stage {

@@ -30,8 +30,16 @@ pub struct PipelineKey {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct DrawKey {
     pub fragment: String,
-    pub is_strip: bool,
+    pub topology: Topology,
     pub target: wgpu::TextureFormat,
+}
+
+/// What the vertices of a draw make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Topology {
+    Strip,
+    Triangles,
+    Lines,
 }
 
 #[derive(Default)]
@@ -125,9 +133,10 @@ fn make_pipeline(
             buffers: &[],
         },
         primitive: wgpu::PrimitiveState {
-            topology: match draw.is_strip {
-                true => wgpu::PrimitiveTopology::TriangleStrip,
-                false => wgpu::PrimitiveTopology::TriangleList,
+            topology: match draw.topology {
+                Topology::Strip => wgpu::PrimitiveTopology::TriangleStrip,
+                Topology::Triangles => wgpu::PrimitiveTopology::TriangleList,
+                Topology::Lines => wgpu::PrimitiveTopology::LineList,
             },
             ..Default::default()
         },

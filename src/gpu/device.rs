@@ -1,6 +1,6 @@
 //! Adapters and the device a run uses.
 
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use serde::{Deserialize, Serialize};
 
@@ -40,14 +40,18 @@ pub struct Gpu {
     /// What a submission with nothing in it takes on the clock.
     pub submission_ms: f64,
     pub(super) cache: Cache,
+    adapter: wgpu::Adapter,
     failure: Arc<Mutex<Option<String>>>,
 }
 
-fn instance() -> wgpu::Instance {
-    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
-    // it would add a dispatch to every indirect one; the kernels' own numbers are limited, and a user's are where they are used
-    descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
-    wgpu::Instance::new(descriptor)
+fn instance() -> &'static wgpu::Instance {
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(|| {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        // it would add a dispatch to every indirect one; the kernels' own numbers are limited, and a user's are where they are used
+        descriptor.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
+        wgpu::Instance::new(descriptor)
+    })
 }
 
 fn adapters() -> Vec<wgpu::Adapter> {
@@ -144,10 +148,15 @@ impl Gpu {
         // a device can have less than its adapter
         let (limits, has_stamps) = (device.limits(), device.features().contains(wgpu::Features::TIMESTAMP_QUERY));
         let (summary, cache) = (summarize(adapter), Cache::default());
-        let mut gpu = Self { device, queue, summary, limits, submission_ms: 0.0, cache, failure };
+        let mut gpu = Self { device, queue, summary, limits, submission_ms: 0.0, cache, adapter: adapter.clone(), failure };
         gpu.submission_ms = timing::empty_submission_ms(&gpu)?;
         gpu.summary.timestamps = gpu.summary.timestamps && has_stamps && timing::stamps_agree_with_clock(&gpu)?;
         Ok(Arc::new(gpu))
+    }
+
+    /// What a window is opened on.
+    pub fn instance_and_adapter(&self) -> (wgpu::Instance, wgpu::Adapter) {
+        (instance().clone(), self.adapter.clone())
     }
 
     /// Waits until everything submitted is done.

@@ -106,6 +106,10 @@ impl Executor {
         &self.plan
     }
 
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
     pub fn believes_stamps(&self) -> bool {
         self.stamps.is_some()
     }

@@ -79,7 +79,7 @@ pub fn make_buffer(gpu: &Gpu, name: &str, bytes: u64, usage: wgpu::BufferUsages)
     gpu.scoped(&format!("the buffer `{name}`"), || gpu.device.create_buffer(&descriptor))
 }
 
-fn make_texture(
+pub fn make_texture(
     gpu: &Gpu,
     name: &str,
     (width, height): (u32, u32),

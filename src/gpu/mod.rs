@@ -5,12 +5,16 @@ mod cache;
 pub mod device;
 mod encode;
 mod execute;
+pub mod held;
 mod memory;
+pub mod paint;
 mod parameters;
 mod readback;
 mod stamps;
+pub mod statistics;
 pub mod submit;
 mod timing;
+mod tool;
 
 use thiserror::Error;
 
@@ -18,6 +22,7 @@ use crate::experiment::diagnostic::Diagnostic;
 
 pub use device::{AdapterSummary, Gpu};
 pub use execute::Executor;
+pub use held::Held;
 pub use submit::StepTime;
 
 #[derive(Debug, Error)]

@@ -67,6 +67,20 @@ impl Executor {
         self.submit(&self.steps_of_frame(true))
     }
 
+    /// Runs the steps of one stage in the frame that was begun, those that run once among them, and copies what is tapped.
+    pub fn submit_stage(&mut self, stage_index: usize) -> Result<SubmissionTime, GpuError> {
+        let is_own = |at: &usize| self.plan.steps[*at].stage_index == stage_index;
+        let steps: Vec<usize> = (0..self.plan.steps.len()).filter(is_own).collect();
+        self.submit(&steps)
+    }
+
+    /// Copies again what is tapped of one stage.
+    pub fn submit_taps(&mut self, stage_index: usize) -> Result<SubmissionTime, GpuError> {
+        let is_own = |at: &usize| self.plan.steps[*at].stage_index == stage_index && self.plan.steps[*at].is_tap();
+        let steps: Vec<usize> = (0..self.plan.steps.len()).filter(is_own).collect();
+        self.submit(&steps)
+    }
+
     /// Runs one step of the frame that was begun.
     pub fn submit_step(&mut self, step: usize) -> Result<SubmissionTime, GpuError> {
         self.submit(&[step])

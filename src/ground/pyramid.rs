@@ -3,7 +3,7 @@
 use glam::UVec2;
 
 /// Where the levels of a pyramid are; the layout of `kernels/lib/pyramid.wgsl`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layout {
     pub base: UVec2,
     /// Row stride: the width of level 1.

@@ -1,7 +1,9 @@
 //! Kernel files joined to one text with a span table back to the files.
 
+use std::borrow::Cow;
 use std::ops::Range;
-use std::sync::Arc;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 
 use include_dir::{Dir, include_dir};
 
@@ -41,8 +43,26 @@ pub struct Assembled {
     files: Vec<(usize, Arc<Source>)>,
 }
 
-pub fn built_in_text(name: &str) -> Option<&'static str> {
-    KERNELS.get_file(name)?.contents_utf8()
+/// Where kernels are read from instead of those that are part of the program: the `kernels` of a checkout that somebody works in.
+static FOLDER: OnceLock<Option<PathBuf>> = OnceLock::new();
+
+/// From now on kernels are read from `kernels` in the current folder, if that is lodlab's. Kernels that are known stay as they are; see
+/// [`Kernel::forget_built_in`](super::Kernel::forget_built_in).
+pub fn read_from_checkout() {
+    let folder = PathBuf::from("kernels");
+    let is_ours = folder.join(GroundForm::Array.file()).is_file();
+    FOLDER.get_or_init(|| is_ours.then_some(folder));
+}
+
+/// The folder that kernels are read from, if they are not those of the program.
+pub fn built_in_folder() -> Option<PathBuf> {
+    FOLDER.get().cloned().flatten()
+}
+
+pub fn built_in_text(name: &str) -> Option<Cow<'static, str>> {
+    let own = KERNELS.get_file(name)?.contents_utf8()?;
+    let newer = built_in_folder().and_then(|folder| std::fs::read_to_string(folder.join(name)).ok());
+    Some(newer.map_or(Cow::Borrowed(own), Cow::Owned))
 }
 
 /// Kernel files by room; `lib/` has what they share, `ground/` what they know of the ground.
@@ -81,12 +101,17 @@ impl Assembled {
                     .at(&origin, "included here")
                     .suggest(name, library_names().iter().map(String::as_str)));
             };
-            self.add(Source::new(format!("kernels/{name}"), text), form, seen)?;
+            self.add(Source::new(format!("kernels/{name}"), text.into_owned()), form, seen)?;
         }
         self.files.push((self.text.len(), source.clone()));
         self.text.push_str(&source.text);
         self.text.push('\n');
         Ok(())
+    }
+
+    /// The files that it consists of.
+    pub fn sources(&self) -> impl Iterator<Item = &Arc<Source>> {
+        self.files.iter().map(|(_, source)| source)
     }
 
     /// The place in a file that a byte range of the assembled text came from.
@@ -102,7 +127,7 @@ impl Assembled {
 fn prefers_image(text: &str) -> bool {
     include_lines(text).any(|(_, line)| {
         let name = line[INCLUDE.len()..].trim();
-        name == GROUND_AS_IMAGE || built_in_text(name).is_some_and(prefers_image)
+        name == GROUND_AS_IMAGE || built_in_text(name).is_some_and(|text| prefers_image(&text))
     })
 }
 

@@ -22,9 +22,14 @@ impl Kernel {
         }
         let text = assemble::built_in_text(path)
             .ok_or_else(|| Diagnostic::run(format!("lodlab has no kernel file `{path}`")))?;
-        let kernel = Self::from_source(Source::new(format!("kernels/{path}"), text), true, form)?;
+        let kernel = Self::from_source(Source::new(format!("kernels/{path}"), text.into_owned()), true, form)?;
         known.insert(key, kernel.clone());
         Ok(kernel)
+    }
+
+    /// Reads kernels anew from now on, since their files have changed.
+    pub fn forget_built_in() {
+        KNOWN.get_or_init(Default::default).lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 
     /// The paths of all kernel files that come with lodlab, by room; libraries are not among them.

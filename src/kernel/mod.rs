@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use crate::experiment::diagnostic::{Diagnostic, Source};
 
-pub use assemble::{Assembled, GroundForm};
+pub use assemble::{Assembled, GroundForm, built_in_folder, read_from_checkout};
 pub use reflect::{
     Binding, BindingKind, Elem, Entry, Field, FieldKind, GROUND_GROUP, Nested, OWN_GROUP, Packing, Structure,
 };

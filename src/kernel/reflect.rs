@@ -55,6 +55,19 @@ impl Elem {
         }
     }
 
+    /// The bytes of values: the inverse of [`Elem::values`], each rounded to what holds it.
+    pub fn bytes_of(self, packing: Packing, values: &[f64]) -> Vec<u8> {
+        match (packing, self) {
+            (Packing::Bytes, _) => values.iter().map(|&value| value as u8).collect(),
+            (Packing::Halves, _) => {
+                values.iter().flat_map(|&value| half::f16::from_f64(value).to_bits().to_le_bytes()).collect()
+            }
+            (_, elem) if elem.is_float() => values.iter().flat_map(|&value| (value as f32).to_le_bytes()).collect(),
+            (_, Elem::I32) => values.iter().flat_map(|&value| (value as i32).to_le_bytes()).collect(),
+            _ => values.iter().flat_map(|&value| (value as u32).to_le_bytes()).collect(),
+        }
+    }
+
     pub fn is_float(self) -> bool {
         matches!(self, Elem::F32 | Elem::Vec2F32 | Elem::Vec4F32)
     }

@@ -137,7 +137,7 @@ pub struct Chosen {
     pub info: &'static Info,
     pub measure: Box<dyn Measure>,
     /// All of its parameters, those that are not written among them.
-    parameters: String,
+    pub parameters: String,
 }
 
 impl Chosen {

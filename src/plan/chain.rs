@@ -7,7 +7,7 @@ use glam::UVec2;
 use super::history::Awaited;
 use super::product::{Product, Products};
 use super::{
-    Buffer, BufferId, Capacities, Guard, How, LeftOut, Life, Often, Plan, Run, Step, StepBuilder, Storage, Work,
+    Buffer, BufferId, Capacities, Guard, How, LeftOut, Life, Often, Plan, Run, Spread, Step, StepBuilder, Storage, Work,
 };
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::kernel::{Elem, Kernel, Packing};
@@ -51,6 +51,7 @@ impl<'a> Chain<'a> {
         let input = |input: &crate::scene::Input| Buffer {
             storage: Storage::Input,
             packing: input.packing,
+            spread: if input.name == HEIGHT { Spread::Samples } else { Spread::Numbers },
             ..Buffer::new(input.name, input.elem, &[input.size.y, input.size.x], input.unit, input.meaning)
         };
         let buffers: Vec<Buffer> = data.inputs.iter().map(input).collect();
@@ -164,6 +165,15 @@ impl<'a> Chain<'a> {
         (!named.is_empty()).then(|| format!("{} makes it", named.join(" or ")))
     }
 
+    /// The samples that the ground is made of by now.
+    pub fn ground(&self) -> BufferId {
+        self.ground
+    }
+
+    pub fn buffers(&self) -> &[Buffer] {
+        &self.buffers
+    }
+
     pub fn products(&self) -> &Products<BufferId> {
         &self.products
     }
@@ -266,6 +276,7 @@ impl<'a> Chain<'a> {
         let (width, height) = self.data.scene.viewport;
         let id = self.make(name, elem, &[height, width], "", meaning);
         self.buffers[id.0].storage = Storage::Target;
+        self.set_spread(id, Spread::Pixels);
         id
     }
 

@@ -10,7 +10,7 @@ use crate::ground::Lattice;
 use crate::kernel::{Elem, GroundForm, Kernel};
 
 /// Bytes that every adapter binds as one array.
-const ANY_ADAPTER_BINDS: u64 = 128 << 20;
+pub const ANY_ADAPTER_BINDS: u64 = 128 << 20;
 
 impl Chain<'_> {
     pub fn lattice(&self) -> Lattice {

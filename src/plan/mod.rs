@@ -12,6 +12,7 @@ mod history;
 pub mod product;
 mod prune;
 mod reuse;
+pub mod spread;
 mod step;
 mod tap;
 mod work;
@@ -26,7 +27,10 @@ use product::Products;
 
 pub use chain::{Announced, Chain};
 pub use explain::{explain, megabytes};
+pub use ground::ANY_ADAPTER_BINDS;
+pub use spread::Spread;
 pub use step::StepBuilder;
+pub use tap::step_names;
 pub use work::{Guard, How, Run, Step, Vertices, Work};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -71,6 +75,9 @@ pub struct Buffer {
     pub life: Life,
     /// What is in one element.
     pub packing: Packing,
+    pub parts: &'static [spread::Part],
+    /// What the elements are of.
+    pub spread: Spread,
 }
 
 /// How long the contents of a buffer count.
@@ -120,6 +127,8 @@ impl Buffer {
             slot: None,
             life: Life::Frame,
             packing: Packing::None,
+            parts: &[],
+            spread: Spread::Numbers,
         }
     }
 

@@ -40,15 +40,10 @@ impl Chain<'_> {
         to
     }
 
-    /// Keeps what a buffer holds after the last step that is called so: a stage, a step's label, or `STAGE/LABEL`. `None` if there is no such
-    /// step, or no such buffer by then.
+    /// Keeps what a buffer holds after the last step that is called so: a stage, a step's label, or `STAGE/LABEL`; with `#2` behind it, after
+    /// the second one. `None` if there is no such step, or no such buffer by then.
     pub fn tap_named(&mut self, name: &str, buffer: &str, step: &str) -> Option<BufferId> {
-        let is_called = |known: &Step| {
-            let own = [known.stage.as_str(), known.label.as_str()];
-            !known.is_tap()
-                && (own.contains(&step) || step.split_once('/').is_some_and(|named| named == (own[0], own[1])))
-        };
-        let after = self.steps.iter().rposition(is_called)?;
+        let after = find_step(&self.steps, step)?;
         let is_there = |id: &BufferId| {
             let touches =
                 |step: &Step| step.writes.contains(id) || step.reads.contains(id) || step.optional().any(|o| o == *id);
@@ -58,4 +53,36 @@ impl Chain<'_> {
         // a render target is looked at as it is, under its own name
         (self.buffer(id).storage != Storage::Target).then(|| self.tap(id, after, name))
     }
+}
+
+/// The steps of a chain that are called so, in order.
+fn called<'a>(steps: &'a [Step], name: &'a str) -> impl Iterator<Item = usize> + 'a {
+    let is_called = move |known: &Step| {
+        let own = [known.stage.as_str(), known.label.as_str()];
+        !known.is_tap() && (own.contains(&name) || name.split_once('/').is_some_and(|named| named == (own[0], own[1])))
+    };
+    (0..steps.len()).filter(move |&at| is_called(&steps[at]))
+}
+
+/// The last step of a name, or the one of several that its number says.
+fn find_step(steps: &[Step], name: &str) -> Option<usize> {
+    let numbered = || {
+        let (name, number) = name.rsplit_once('#')?;
+        called(steps, name).nth(number.parse::<usize>().ok()?.checked_sub(1)?)
+    };
+    called(steps, name).last().or_else(numbered)
+}
+
+/// A name for each step that no other one has, and that finds it again: `STAGE/LABEL`, numbered where there are several of it.
+pub fn step_names(steps: &[Step]) -> Vec<String> {
+    let plain = |step: &Step| format!("{}/{}", step.stage, step.label);
+    let name = |(at, step): (usize, &Step)| {
+        let name = plain(step);
+        let same: Vec<usize> = called(steps, &name).collect();
+        match same.iter().position(|&other| other == at) {
+            Some(number) if same.len() > 1 => format!("{name}#{}", number + 1),
+            _ => name,
+        }
+    };
+    steps.iter().enumerate().map(name).collect()
 }

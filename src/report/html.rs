@@ -12,6 +12,8 @@ pub struct Pictures {
     pub label: String,
     pub image: Option<Vec<u8>>,
     pub error: Option<Vec<u8>>,
+    /// Looks of buffers, each with what it shows.
+    pub looks: Vec<(String, Vec<u8>)>,
 }
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2rem auto;padding:0 1rem;color:#222}\
@@ -90,6 +92,11 @@ fn write_pictures(html: &mut String, pictures: &[Pictures]) -> std::fmt::Result 
             write!(html, "<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(&cell.label))?;
         }
         write!(html, "<figcaption>{}</figcaption></figure>", escape(&cell.label))?;
+        for (what, png) in &cell.looks {
+            let (data, what) = (base64::engine::general_purpose::STANDARD.encode(png), escape(what));
+            write!(html, "<figure><img alt=\"{what}\" src=\"data:image/png;base64,{data}\">")?;
+            write!(html, "<figcaption>{what}, {}</figcaption></figure>", escape(&cell.label))?;
+        }
     }
     Ok(())
 }

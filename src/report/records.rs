@@ -133,6 +133,9 @@ pub struct Record {
     /// Swept paths and their values.
     pub settings: Vec<(String, String)>,
     pub measures: Vec<Measured>,
+    /// Pictures of buffers that were asked for: what each shows, and its file.
+    #[serde(default)]
+    pub looks: Vec<(String, String)>,
     pub timings: Timings,
     /// Bytes of memory the plan asked for.
     pub bytes: u64,
@@ -184,8 +187,15 @@ impl Store {
         fs::create_dir_all(&cells).map_err(|error| cannot_write(folder, &error))?;
         // found out now, not after the first cell's minutes
         tempfile::NamedTempFile::new_in(&cells).map_err(|error| cannot_write(folder, &error))?;
+        Self::look(folder)
+    }
+
+    /// The results that are there, to be looked at.
+    pub fn look(folder: &Path) -> Result<Self, Diagnostic> {
         let (mut earlier, mut unreadable) = (BTreeMap::new(), Vec::new());
-        let entries = fs::read_dir(&cells).map_err(|error| cannot_write(folder, &error))?;
+        let entries = fs::read_dir(folder.join("cells")).map_err(|error| {
+            Diagnostic::input(format!("`{}` is no folder of results: {error}", folder.display()))
+        })?;
         for entry in entries.flatten().filter(|entry| entry.path().extension().is_some_and(|kind| kind == "json")) {
             let text = fs::read_to_string(entry.path()).unwrap_or_default();
             match serde_json::from_str::<Record>(&text) {
@@ -198,6 +208,13 @@ impl Store {
         }
         unreadable.sort();
         Ok(Self { folder: folder.to_path_buf(), earlier, unreadable })
+    }
+
+    /// All records, chain by chain.
+    pub fn all(&self) -> Vec<&Record> {
+        let mut all: Vec<&Record> = self.earlier.values().collect();
+        all.sort_by_key(|record| (record.chain.clone(), record.settings.clone()));
+        all
     }
 
     pub fn finished(&self, hash: &str) -> Option<&Record> {

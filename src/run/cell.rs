@@ -1,12 +1,14 @@
 //! One cell: frames on the GPU, buffers read back between them, measures.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::job::Job;
 use super::overflow::Overflow;
 use super::timings::{Timed, timed, timings};
-use super::{Event, Options, Truth, dump};
+use super::walk::{self, Walk};
+use super::{Event, Options, Truth, dump, sight};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::{Executor, Gpu};
 use crate::measure::{Figures, Measured, Picture, Sampling, Seen, Tally};
@@ -26,6 +28,8 @@ pub struct Context<'a> {
 
 pub struct Results {
     pub measures: Vec<Measured>,
+    /// What each picture of a buffer shows, and its file.
+    pub looks: Vec<(String, String)>,
     pub timings: Timings,
     pub buffers: Vec<(String, String)>,
     pub warnings: Vec<String>,
@@ -47,8 +51,17 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     let mut executor = Executor::new(gpu, plan, &prepared.data)?;
     let once = executor.setup()?;
     let mut looks = Looks::new(context);
+    let on_cpu = walk::find_stages(&prepared.cell, &context.options.on_cpu);
+    let mut walk = (!on_cpu.is_empty()).then(|| Walk::new(on_cpu.clone()));
     for frame in 0..plan.frames {
-        executor.frame(frame)?;
+        match &mut walk {
+            None => executor.frame(frame).map(|_| ())?,
+            Some(walk) => {
+                executor.begin_path_frame(frame)?;
+                let camera = &prepared.data.cameras()[frame];
+                walk.frame(prepared, &mut executor, camera, &mut |_| ControlFlow::Break(()))?;
+            }
+        }
         if let Some(overflow) = Overflow::after_frame(&executor, plan)? {
             return Ok(Ended::Overflowed(overflow));
         }
@@ -63,6 +76,10 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
         Timed::Overflowed(overflow) => return Ok(Ended::Overflowed(overflow)),
     };
     let mut warnings = Vec::new();
+    if !on_cpu.is_empty() {
+        let names: Vec<&str> = on_cpu.iter().map(|&at| prepared.cell.stages[at].name.as_str()).collect();
+        warnings.push(format!("{} in f64 on the CPU: errors are of that, times of the kernels", names.join(", ")));
+    }
     let timings = if gpu.summary.timestamps {
         timings(plan, &executor, &once, &frames, &frames)
     } else {
@@ -71,12 +88,13 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
         timings(plan, &executor, &once, &frames, &by_steps)
     };
     let buffers = looks.hashes();
+    let pictured = std::mem::take(&mut looks.pictured);
     let figures = looks.finish();
     for picture in &figures.pictures {
         write_picture(context, picture)?;
     }
     warnings.extend(figures.warnings);
-    Ok(Ended::Done(Box::new(Results { measures: figures.measured, timings, buffers, warnings })))
+    Ok(Ended::Done(Box::new(Results { measures: figures.measured, looks: pictured, timings, buffers, warnings })))
 }
 
 fn write_picture(context: &Context, picture: &Picture) -> Result<(), Diagnostic> {
@@ -89,6 +107,8 @@ struct Looks<'c, 'a> {
     context: &'c Context<'a>,
     tallies: Vec<Box<dyn Tally>>,
     hashers: Vec<blake3::Hasher>,
+    /// What each picture of a buffer shows, and its file.
+    pictured: Vec<(String, String)>,
 }
 
 impl<'c, 'a> Looks<'c, 'a> {
@@ -98,6 +118,7 @@ impl<'c, 'a> Looks<'c, 'a> {
             context,
             tallies: job.prepared.measures.iter().map(|chosen| chosen.measure.begin()).collect(),
             hashers: vec![blake3::Hasher::new(); context.plan.outputs.len()],
+            pictured: Vec::new(),
         }
     }
 
@@ -114,6 +135,23 @@ impl<'c, 'a> Looks<'c, 'a> {
         }
         let seen = Seen { plan, data: &prepared.data, frame, buffers: &buffers, truth: truth.as_ref() };
         self.tallies.iter_mut().for_each(|tally| tally.frame(&seen));
+        if self.context.options.every_frame || seen.is_pictured() {
+            self.picture(executor, frame)?;
+        }
+        Ok(())
+    }
+
+    /// Pictures of the buffers that were asked for.
+    fn picture(&mut self, executor: &Executor, frame: usize) -> Result<(), Diagnostic> {
+        let Context { gpu, plan, job: Job { prepared, .. }, options, store, hash, .. } = self.context;
+        // a cell whose chain has no such buffer has no picture of it
+        let asked_for = options.pictures.iter().filter_map(|name| Some((name, plan.find(name).ok()?)));
+        for (name, id) in asked_for {
+            let (width, rgb) = sight::picture(gpu, executor, &prepared.data, frame, id)?;
+            let file = format!("pictures/{hash}_{}_{frame:04}.png", name.replace(['/', ' ', '@', '#'], "_"));
+            store.write(&file, &pictures::png(width, &rgb)?)?;
+            self.pictured.push((format!("{name}, frame {frame}"), file));
+        }
         Ok(())
     }
 
@@ -124,8 +162,15 @@ impl<'c, 'a> Looks<'c, 'a> {
         if !is_new || !self.context.options.dump.contains(&buffer.name) {
             return Ok(());
         }
-        let name = format!("dumps/{}/{}_{frame:04}.npy", self.context.hash, buffer.name.replace(['/', ' '], "_"));
-        self.context.store.write(&name, &dump::npy(buffer, bytes)?)
+        let folder = format!("dumps/{}", self.context.hash);
+        let name = format!("{folder}/{}", buffer.name.replace(['/', ' '], "_"));
+        let store = self.context.store;
+        if frame == 0 {
+            let data = &self.context.job.prepared.data;
+            store.write(&format!("{folder}/camera.json"), format!("{:#}", dump::cameras(data)).as_bytes())?;
+            store.write(&format!("{name}.json"), format!("{:#}", dump::about(buffer)).as_bytes())?;
+        }
+        store.write(&format!("{name}_{frame:04}.npy"), &dump::npy(buffer, bytes)?)
     }
 
     fn hashes(&self) -> Vec<(String, String)> {

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::{Options, Prepared, truth};
+use super::{Options, Prepared, truth, walk};
+use crate::experiment::Cell;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::Gpu;
 use crate::plan::{Capacities, Plan};
@@ -51,7 +52,15 @@ fn parameters(prepared: &Prepared, options: &Options) -> String {
     let (stages, measures) = (stages.join(", "), measures.join(", "));
     let everything = if options.keep_everything { " everything" } else { "" };
     let dump = if options.dump.is_empty() { String::new() } else { format!(" dump {}", options.dump.join(", ")) };
-    format!("[{stages}] {} [{measures}]{everything}{dump}", cell.scene_node.canonical())
+    let on_cpu = on_cpu(cell, options).map_or(String::new(), |stages| format!(" {stages}"));
+    format!("[{stages}] {} [{measures}]{everything}{dump}{on_cpu}", cell.scene_node.canonical())
+}
+
+/// The stages of a cell that are computed on the CPU, if there are any.
+fn on_cpu(cell: &Cell, options: &Options) -> Option<String> {
+    let places = walk::find_stages(cell, &options.on_cpu);
+    let names: Vec<String> = places.iter().map(|&at| format!("{at} {}", cell.stages[at].name)).collect();
+    (!names.is_empty()).then(|| format!("on the CPU: {}", names.join(", ")))
 }
 
 impl Job {
@@ -73,7 +82,10 @@ impl Job {
         // heights are the ground's
         let used = data.inputs.iter().filter(|input| input.name != HEIGHT && is_used(input.name));
         Identity {
-            plan: plan.fingerprint(data),
+            plan: match on_cpu(&self.prepared.cell, &self.options) {
+                None => plan.fingerprint(data),
+                Some(stages) => format!("{}, {stages}", plan.fingerprint(data)),
+            },
             kernels: plan.kernels(),
             truth: self.truth.as_ref().map(|plan| plan.fingerprint(data)),
             truth_kernels: self.truth.as_ref().map_or(Vec::new(), |plan| plan.kernels()),

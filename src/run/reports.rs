@@ -19,14 +19,16 @@ pub fn write(title: &str, store: &Store, records: &[Record]) -> Result<(), Diagn
     }
     let picture =
         |record: &Record, kind: &str| std::fs::read(store.folder.join(cell::picture_name(&record.hash, kind))).ok();
+    let look = |(what, file): &(String, String)| Some((what.clone(), std::fs::read(store.folder.join(file)).ok()?));
     let pictures: Vec<Pictures> = records
         .iter()
         .map(|record| Pictures {
             label: record.label(),
             image: picture(record, "image"),
             error: picture(record, "error"),
+            looks: record.looks.iter().filter_map(look).collect(),
         })
-        .filter(|pictures| pictures.image.is_some() || pictures.error.is_some())
+        .filter(|pictures| pictures.image.is_some() || pictures.error.is_some() || !pictures.looks.is_empty())
         .collect();
     store.write("report.html", html::page(title, records, plot.as_deref(), &pictures).as_bytes())
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Options;
+use super::sight::companions;
 use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::experiment::scene::Scene;
 use crate::experiment::sweep::Setting;
@@ -13,7 +14,7 @@ use crate::experiment::tree::Node;
 use crate::experiment::{Cell, Experiment, StageCall};
 use crate::gpu::{Executor, Gpu, GpuError};
 use crate::measure::{self, Chosen};
-use crate::plan::{BufferId, Capacities, Chain, Demand, Plan};
+use crate::plan::{ANY_ADAPTER_BINDS, BufferId, Capacities, Chain, Demand, Plan};
 use crate::scene::SceneData;
 use crate::stages::{self, Stage};
 use crate::terrain::{ColourMap, HeightField, TerrainError};
@@ -28,25 +29,44 @@ pub struct Prepared {
 
 /// Reads all cells of an experiment as far as it goes without a device: every mistake in the file shows here.
 pub fn prepare(experiment: &Experiment, settings: &[Setting]) -> Result<Vec<Prepared>, Diagnostic> {
-    let mut terrains: BTreeMap<String, Arc<HeightField>> = BTreeMap::new();
-    let mut scenes: BTreeMap<String, Arc<SceneData>> = BTreeMap::new();
-    let mut prepared = Vec::new();
-    for cell in experiment.cells(settings)? {
-        let read = |call| stages::read(call, &experiment.folder);
+    let mut scenes = Scenes::default();
+    experiment.cells(settings)?.into_iter().map(|cell| scenes.prepare(cell, &experiment.folder)).collect()
+}
+
+/// Terrains and scenes that are in memory: cells that look at the same share it.
+#[derive(Default)]
+pub struct Scenes {
+    terrains: BTreeMap<String, Arc<HeightField>>,
+    scenes: BTreeMap<String, Arc<SceneData>>,
+}
+
+impl Scenes {
+    /// Reads a cell as far as it goes without a device. Files that it names are relative to `folder`.
+    pub fn prepare(&mut self, cell: Cell, folder: &Path) -> Result<Prepared, Diagnostic> {
+        let read = |call| stages::read(call, folder);
         let stages = cell.stages.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         let measures = cell.measures.iter().map(measure::read).collect::<Result<Vec<_>, _>>()?;
         let key = scene_key(&cell.scene);
-        let data = match scenes.get(&key) {
+        let data = match self.scenes.get(&key) {
             Some(data) => data.clone(),
             None => {
-                let data = Arc::new(load_scene(&cell, &experiment.folder, &mut terrains)?);
-                scenes.insert(key, data.clone());
+                let data = Arc::new(load_scene(&cell, folder, &mut self.terrains)?);
+                self.scenes.insert(key, data.clone());
                 data
             }
         };
-        prepared.push(Prepared { cell, stages, measures, data });
+        Ok(Prepared { cell, stages, measures, data })
     }
-    Ok(prepared)
+
+    /// Forgets what nobody else has, if there is much of it.
+    pub fn keep_few(&mut self, most: usize) {
+        if self.scenes.len() > most {
+            self.scenes.retain(|_, data| Arc::strong_count(data) > 1);
+        }
+        if self.terrains.len() > most {
+            self.terrains.retain(|_, terrain| Arc::strong_count(terrain) > 1);
+        }
+    }
 }
 
 /// Scenes with the same key are the same.
@@ -120,6 +140,21 @@ impl Prepared {
 
     /// The plan for what is measured and what is to be dumped. `capacities` are of lists that turned out to be too short.
     pub fn plan(&self, options: &Options, capacities: &Capacities) -> Result<Plan, Diagnostic> {
+        if options.pictures.is_empty() {
+            return self.plan_also(options, capacities, &mut |_, _| Vec::new());
+        }
+        let bare = Options { pictures: Vec::new(), ..options.clone() };
+        let run_plan = self.plan(&bare, capacities)?;
+        self.plan_also(options, capacities, &mut |chain, seen| companions(chain, seen, &run_plan, ANY_ADAPTER_BINDS))
+    }
+
+    /// The same, and for buffers that somebody else wants of the chain; he is told which the dumped ones are.
+    pub fn plan_also(
+        &self,
+        options: &Options,
+        capacities: &Capacities,
+        also: &mut dyn FnMut(&Chain, &[BufferId]) -> Vec<BufferId>,
+    ) -> Result<Plan, Diagnostic> {
         let mut chain = self.chain(capacities)?;
         let mut outputs: Vec<BufferId> = Vec::new();
         for (call, chosen) in self.cell.measures.iter().zip(&self.measures) {
@@ -131,13 +166,16 @@ impl Prepared {
         if outputs.is_empty() {
             outputs.extend(chain.last_made());
         }
-        for name in &options.dump {
+        let mut dumped = Vec::new();
+        for name in options.dump.iter().chain(&options.pictures) {
             let found = match name.split_once('@') {
                 None => chain.find(name),
                 Some((buffer, step)) => chain.tap_named(name, buffer, step),
             };
-            outputs.extend(found);
+            dumped.extend(found);
         }
+        outputs.extend(&dumped);
+        outputs.extend(also(&chain, &dumped));
         let reuse = self.cell.reuse;
         Ok(Plan::finish(chain, &Demand { outputs, keep_everything: options.keep_everything, reuse }))
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -41,6 +41,7 @@ impl Stage for AspectImportance {
         let (columns, rows) = self.size;
         let importance =
             chain.make("importance", Elem::F32, &[rows, columns], "", "length over width of the projected cell");
+        chain.set_spread(importance, Spread::Projector);
         let kernel = chain.kernel("grids/aspect_importance.wgsl")?;
         chain
             .step("importance", &kernel, "main")

@@ -3,7 +3,7 @@
 use super::Inputs;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::plan::product::{Grid, Mesh, PointErrors, Promise};
 
 pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), Diagnostic> {
@@ -11,6 +11,7 @@ pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), 
     let meaning = "x east, y north, z up from the eye; w: normalised error";
     let moved = chain.make("vertex", Elem::Vec4F32, &dims, "m", meaning);
     let errors = chain.make("grid_error", Elem::F32, &dims, "", "normalised error of each grid point (Eq. 4)");
+    [moved, errors].into_iter().for_each(|id| chain.set_spread(id, Spread::GridPoints));
     let scene = &chain.data.scene;
     let lambda = f64::from(scene.viewport.1) / scene.fov_deg.to_radians();
     inputs

@@ -3,7 +3,7 @@
 use super::Inputs;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::plan::product::{Grid, Mesh, Promise};
 use crate::stages::shared::rounding::PROOF_SNAP_PX;
 
@@ -18,6 +18,7 @@ pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), 
     let meaning = "lowest and highest of surface minus plane, for both triangles of each cell";
     let bounds = chain.make("cell_bound", Elem::Vec4F32, &cells, "m", meaning);
     let raises = chain.make("cell_raise", Elem::F32, &cells, "m", "how far a cell's corners have to rise");
+    [bounds, raises].into_iter().for_each(|id| chain.set_spread(id, Spread::GridCells));
     inputs
         .step(chain, KERNEL, "bound")?
         .set("snap_px", PROOF_SNAP_PX)
@@ -28,6 +29,7 @@ pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), 
         .over(inputs.size - 1)?;
     let meaning = "x east, y north, z up from the eye; w: metres it was raised";
     let moved = chain.make("vertex", Elem::Vec4F32, &[inputs.size.y, inputs.size.x], "m", meaning);
+    chain.set_spread(moved, Spread::GridPoints);
     inputs
         .step(chain, KERNEL, "raise")?
         .set("snap_px", PROOF_SNAP_PX)

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::plan::product::{Grid, Mesh, what};
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -83,6 +83,7 @@ impl Stage for Project {
             "m",
             "x east, y north, z up from the eye; w: pyramid level",
         );
+        chain.set_spread(vertices, Spread::GridPoints);
         let made = mean.and_then(|mean| chain.buffer(mean).top_level).unwrap_or(layout.top);
         let kernel = chain.kernel("grids/project.wgsl")?;
         chain

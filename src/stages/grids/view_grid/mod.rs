@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -46,6 +46,7 @@ impl Stage for ViewGrid {
             "",
             "place in the projector's image, (0, 0) to (1, 1)",
         );
+        chain.set_spread(points, Spread::GridPoints);
         let kernel = chain.kernel("grids/view_grid.wgsl")?;
         chain
             .step("grid", &kernel, "main")

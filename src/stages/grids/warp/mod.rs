@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::{BufferId, Chain, StepBuilder};
+use crate::plan::{BufferId, Chain, Spread, StepBuilder};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -74,6 +74,7 @@ impl Stage for Warp {
         let Some((map, share)) = map else { return Ok(()) };
         let meaning = "place in the projector's image, (0, 0) to (1, 1)";
         let warped = chain.make("grid_point", Elem::Vec2F32, &[grid.y, grid.x], "", meaning);
+        chain.set_spread(warped, Spread::GridPoints);
         self.step(chain, "refine", self.rounds - 1, (size, grid))?
             .bind("warp_map", map)
             .bind("share", share)
@@ -98,12 +99,14 @@ impl Warp {
         if let Some((map, _)) = before {
             let meaning = "importance after earlier rounds";
             weights = chain.make("warped_importance", Elem::F32, &[size.y, size.x], "", meaning);
+            chain.set_spread(weights, Spread::Projector);
             let resample = self.step(chain, "resample", round, (size, grid))?.bind("importance", importance);
             resample.bind("map_before", map).bind("resampled", weights).over(size)?;
         }
         let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go");
         let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go");
         let map = chain.make("warp_map", Elem::Vec2F32, &[high, wide], "", "where the map's corners go");
+        chain.set_spread(map, Spread::ProjectorCorners);
         let meaning = "how much of the warp keeps every cell convex, as the bits of an f32";
         let share = chain.make("warp_share", Elem::U32, &[1], "", meaning);
         // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'

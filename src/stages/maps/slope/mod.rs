@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -40,10 +40,9 @@ enum Differences {
 impl Stage for Slope {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let size = chain.lattice().size;
-        let dims = [size.y, size.x];
-        let slope = chain.make("slope", Elem::F32, &dims, "degrees", "angle of the ground with a level plane");
+        let slope = chain.make_over("slope", Elem::F32, Spread::Samples, "degrees", "angle of the ground with a level plane");
         let aspect =
-            chain.make("aspect", Elem::F32, &dims, "degrees", "the way the ground falls, clockwise from north");
+            chain.make_over("aspect", Elem::F32, Spread::Samples, "degrees", "the way the ground falls, clockwise from north");
         chain.set_missing_below_zero(aspect);
         let kernel = chain.kernel("maps/slope.wgsl")?;
         chain

@@ -185,6 +185,9 @@ impl Kernel {
                 Attached::New(new) => {
                     let dims = self.size(chain, new, origin)?;
                     let id = chain.make(&new.name, new.of, &dims, "", &format!("made by `{}`", self.kernel.name));
+                    if let Some(like) = new.like.as_ref().and_then(|like| chain.find(like)) {
+                        chain.set_spread(id, chain.buffer(like).spread);
+                    }
                     new.check(chain, id).map_err(|error| error.at(origin, "this buffer"))?;
                     id
                 }
@@ -204,6 +207,7 @@ impl Kernel {
             "",
             "the other half of the ping-pong",
         );
+        chain.set_spread(other, target.spread);
         // counted back from the last repetition, which writes the buffer that has the name
         let at = |back: u32| if back.is_multiple_of(2) { last } else { other };
         Ok((0..self.repeat)

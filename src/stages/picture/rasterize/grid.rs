@@ -6,7 +6,7 @@ use super::step;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
 use crate::plan::product::{Drawn, Grid, Mesh};
-use crate::plan::{BufferId, Chain, StepBuilder, Vertices};
+use crate::plan::{BufferId, Chain, Spread, StepBuilder, Vertices};
 use crate::stages::shared::drawn::make_distance;
 use crate::stages::shared::rounding::PROOF_SNAP_PX;
 use crate::stages::shared::traversal::known_tiles;
@@ -30,7 +30,7 @@ pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<Buff
     let distance = make_distance(chain);
     let (columns, rows) = chain.data.scene.viewport;
     let meaning = "normalised error of what is drawn; 0 is within the threshold";
-    let error = grid.promise.map(|_| chain.make("error", Elem::F32, &[rows, columns], "", meaning));
+    let error = grid.promise.map(|_| chain.make_over("error", Elem::F32, Spread::Pixels, "", meaning));
     let (fragment, resolve) = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
     let draw = grid_step(chain, &grid, size, "draw", "draw", tiles)?;
     draw.bind("vertex", grid.vertex).bind_or_leave("cell_bound", grid.cell_bound).draw_strip(strip, drawn, fragment)?;

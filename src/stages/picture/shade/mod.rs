@@ -8,7 +8,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::experiment::scene::Light;
 use crate::kernel::{Elem, Packing};
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::plan::product::{Drawn, Picture, what};
 use crate::scene::COLOUR_MAP;
 use crate::stages::{Example, Info, Stage, read_as};
@@ -78,7 +78,7 @@ impl Stage for Shade {
             (None, true) => {}
         }
         let colour =
-            chain.make("colour", Elem::U32, &[height_px, width_px], "rgba8", "picture, red in the lowest byte");
+            chain.make_over("colour", Elem::U32, Spread::Pixels, "rgba8", "picture, red in the lowest byte");
         chain.set_packing(colour, Packing::Bytes);
         let kernel = chain.kernel("picture/shade.wgsl")?;
         chain

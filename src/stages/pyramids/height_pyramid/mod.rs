@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::plan::product::{NodeRanges, what};
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -34,10 +34,10 @@ pub struct HeightPyramid {
 impl Stage for HeightPyramid {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (bounds, mean) = (chain.lattice().cells(), chain.lattice().means());
-        let highest = chain.make("height_max", Elem::F32, &bounds.dims(), "m", "maximum pyramid over cells");
-        let lowest = chain.make("height_min", Elem::F32, &bounds.dims(), "m", "minimum pyramid over cells");
+        let highest = chain.make_over("height_max", Elem::F32, Spread::Nodes(bounds), "m", "maximum pyramid over cells");
+        let lowest = chain.make_over("height_min", Elem::F32, Spread::Nodes(bounds), "m", "minimum pyramid over cells");
         chain.offer(NodeRanges { lowest, highest });
-        let means = chain.make("height_mean", Elem::F32, &mean.dims(), "m", "mean pyramid over samples");
+        let means = chain.make_over("height_mean", Elem::F32, Spread::Nodes(mean), "m", "mean pyramid over samples");
         let kernel = chain.kernel("pyramids/height_pyramid.wgsl")?;
         let mean_top = self.max_level.unwrap_or(mean.top).min(mean.top);
         chain.set_top_level(means, mean_top);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::{Elem, Packing};
-use crate::plan::Chain;
+use crate::plan::{Chain, Spread};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -33,9 +33,9 @@ impl Stage for PlanePyramid {
         chain.check_scene_ground()?;
         let layout = chain.lattice().cells();
         let meaning = "height in the middle of each node, largest distance of the surface from its plane";
-        let planes = chain.make("height_plane", Elem::Vec2F32, &layout.dims(), "m", meaning);
+        let planes = chain.make_over("height_plane", Elem::Vec2F32, Spread::Nodes(layout), "m", meaning);
         let meaning = "slope of each plane to the east and to the south in metres a cell, as two halves";
-        let slopes = chain.make("plane_slope", Elem::U32, &layout.dims(), "", meaning);
+        let slopes = chain.make_over("plane_slope", Elem::U32, Spread::Nodes(layout), "", meaning);
         chain.set_packing(slopes, Packing::Halves);
         let (low, high) = chain.data.ground.range_m();
         let kernel = chain.kernel("pyramids/plane_pyramid.wgsl")?;

@@ -8,7 +8,7 @@ use crate::experiment::parameters::schema;
 use crate::experiment::scene::Surface;
 use crate::kernel::Elem;
 use crate::plan::product::what;
-use crate::plan::{Chain, StepBuilder, product};
+use crate::plan::{Chain, Spread, StepBuilder, product};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -64,7 +64,7 @@ impl Stage for Roughness {
             chain.check_scene_ground()?;
         }
         let meaning = "largest distance of the surface from a block's triangles";
-        let roughness = chain.make("roughness", Elem::F32, &layout.dims(), "m", meaning);
+        let roughness = chain.make_over("roughness", Elem::F32, Spread::Nodes(layout), "m", meaning);
         chain.offer(product::Roughness { roughness, is_bound: proven });
         let finest = layout.size(1).element_product();
         let largest_tiles = layout.size(TILE_LEVEL.min(layout.top)).max(layout.size(1)).element_product();

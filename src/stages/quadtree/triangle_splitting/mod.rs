@@ -8,6 +8,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::Chain;
+use crate::plan::spread::Part;
 use crate::plan::product::{Blocks, List, Mesh, what};
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -49,6 +50,17 @@ impl Default for TriangleSplitting {
 /// Threads of a workgroup, four a leaf.
 const GROUP: u32 = 64;
 
+/// Three samples, and the level of the block that the triangle is of.
+const TRIANGLE: &[Part] = &[
+    Part::new("column_a", 0, 0, 16),
+    Part::new("row_a", 0, 16, 16),
+    Part::new("column_b", 1, 0, 16),
+    Part::new("row_b", 1, 16, 16),
+    Part::new("column_c", 2, 0, 16),
+    Part::new("row_c", 2, 16, 16),
+    Part::new("level", 3, 0, 32),
+];
+
 impl Stage for TriangleSplitting {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let size = chain.lattice().size;
@@ -70,6 +82,7 @@ impl Stage for TriangleSplitting {
         let count = make("triangle_count", 4, "vertices, instances, first vertex, first instance");
         let meaning = "three samples, 16 bits a column and a row, counterclockwise from above; level of the block";
         let triangle = chain.make("triangle", Elem::Vec4U32, &[capacity], "", meaning);
+        chain.set_parts(triangle, TRIANGLE);
         chain.offer(Mesh::List(List { triangle, count, promise: Some(promise) }));
         let kernel = chain.kernel("quadtree/triangle_splitting.wgsl")?;
         for entry in ["count", "sums", "offsets", "write"] {

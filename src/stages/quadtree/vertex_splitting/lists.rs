@@ -5,6 +5,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::ground::pyramid::Layout;
 use crate::kernel::Elem;
 use crate::plan::product::{NodeRanges, Roughness};
+use crate::plan::spread::Part;
 use crate::plan::{BufferId, Chain, History};
 
 /// Threads of a workgroup; `GROUP` of the kernel.
@@ -70,13 +71,18 @@ impl Lists {
         let mut make =
             |name: &str, elem: Elem, length: u32, meaning: &str| chain.make(name, elem, &[length], "", meaning);
         let choice = "what becomes of each vertex, and what those before append";
+        let live = ["live_a", "live_b"].map(|name| make(name, Elem::Vec2U32, live, vertices));
+        let leaf = make("leaf", Elem::Vec2U32, leaves, vertices);
+        [live[0], live[1], leaf].into_iter().for_each(|id| chain.set_parts(id, NODE));
+        let mut make =
+            |name: &str, elem: Elem, length: u32, meaning: &str| chain.make(name, elem, &[length], "", meaning);
         Ok(Self {
             roughness,
-            live: ["live_a", "live_b"].map(|name| make(name, Elem::Vec2U32, live, vertices)),
+            live,
             choice: make("choice", Elem::U32, visited, choice),
             wanted: make("wanted", Elem::Vec4U32, visited / GROUP, "what each workgroup appends"),
             place: make("place", Elem::Vec4U32, visited / GROUP, "where each workgroup appends"),
-            leaf: make("leaf", Elem::Vec2U32, leaves, vertices),
+            leaf,
             leaf_count: make("leaf_count", Elem::U32, 4, "workgroups along x, y, z; how many leaves"),
             split: match has_history {
                 true => chain.make_kept("split", Elem::U32, &[words], "", SPLIT),
@@ -90,6 +96,15 @@ impl Lists {
         })
     }
 }
+
+/// The centre of a block in half cells, and what a node carries beside it.
+const NODE: &[Part] = &[
+    Part::new("column_halves", 0, 0, 16),
+    Part::new("row_halves", 0, 16, 16),
+    Part::new("flag", 1, 0, 1),
+    Part::new("level", 1, 1, 4),
+    Part::new("out_of_sight", 1, 5, 1),
+];
 
 const SPLIT: &str = "a bit for each block: it is split";
 
@@ -115,8 +130,10 @@ impl Tree {
     fn make(chain: &mut Chain, layout: Layout, nodes: u32) -> Self {
         let regions = layout.size(region_level(layout)).element_product().div_ceil(32).next_multiple_of(4);
         let rest = "how long what became of each node holds";
+        let tree = chain.make_history("tree", Elem::Vec2U32, &[nodes], "", "all nodes of the quadtree");
+        [tree.last, tree.next].into_iter().for_each(|id| chain.set_parts(id, NODE));
         Self {
-            nodes: chain.make_history("tree", Elem::Vec2U32, &[nodes], "", "all nodes of the quadtree"),
+            nodes: tree,
             count: chain.make_history("tree_count", Elem::U32, &[1], "", "how many nodes"),
             work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
             rest: chain.make_history("tree_rest", Elem::Vec4F32, &[nodes], "", rest),
