@@ -108,7 +108,7 @@ struct Inspect {
     /// The chain (or the cell, as tables call it) that is shown
     #[arg(long, value_name = "CHAIN")]
     chain: Option<String>,
-    /// A buffer to see, as `--dump` names it, or truth, truth-distance, error; each has a view of its own
+    /// A buffer to see, as `--dump` names it, or truth, truth-distance, screen-error; each has a view of its own
     #[arg(long, value_name = "BUFFER[@STEP]")]
     buffer: Vec<String>,
     /// The step after which the buffers are seen
@@ -135,9 +135,9 @@ struct Inspect {
     /// Width and height of the picture
     #[arg(long, value_name = "WxH", default_value = "1440x900", value_parser = read_size)]
     size: (u32, u32),
-    /// Only what the first view has painted
+    /// Only the views, without the window around them
     #[arg(long)]
-    only_view: bool,
+    only_views: bool,
 }
 
 fn read_size(text: &str) -> Result<(u32, u32), String> {
@@ -172,7 +172,7 @@ fn inspect(wanted: Inspect) -> Result<(), Diagnostic> {
         range: <[f32; 2]>::try_from(wanted.range).ok().map(|[low, high]| (low, high)),
         level: wanted.level,
         against: wanted.against,
-        only_view: wanted.only_view,
+        only_views: wanted.only_views,
         results: wanted.results,
         size: wanted.size,
     };
@@ -198,11 +198,24 @@ fn quiet_driver() {
 fn main() -> ExitCode {
     quiet_driver();
     let result = match Cli::parse().command {
-        Command::Run { files, set, out, adapter, frames, dump, picture, every_frame, on_cpu, force, keep_everything } => {
+        Command::Run {
+            files,
+            set,
+            out,
+            adapter,
+            frames,
+            dump,
+            picture,
+            every_frame,
+            on_cpu,
+            force,
+            keep_everything,
+        } => {
             let set = set.into_iter().chain(frames.map(|frames| format!("scene.camera.frames={frames}")));
             settings(set).and_then(|settings| {
                 let pictures = picture;
-                let options = Options { settings, adapter, dump, pictures, every_frame, on_cpu, force, keep_everything };
+                let options =
+                    Options { settings, adapter, dump, pictures, every_frame, on_cpu, force, keep_everything };
                 run_files(&files, out, &options)
             })
         }

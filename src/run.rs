@@ -148,7 +148,8 @@ fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Vec<Identity>, 
         let has = |job: &Job| !walk::find_stages(&job.prepared.cell, std::slice::from_ref(name)).is_empty();
         if !jobs.iter().any(has) {
             let stages = jobs.iter().flat_map(|job| job.prepared.cell.stages.iter().map(|call| call.name.as_str()));
-            return Err(Diagnostic::input(format!("there is no cell with a stage `{name}`")).suggest(name, stages.collect::<BTreeSet<_>>()));
+            return Err(Diagnostic::input(format!("there is no cell with a stage `{name}`"))
+                .suggest(name, stages.collect::<BTreeSet<_>>()));
         }
     }
     match (absent.into_iter().next(), does_not_fit) {

@@ -6,9 +6,9 @@ use std::path::Path;
 
 use lodlab::experiment::scene::Surface;
 use lodlab::gpu::Gpu;
+use lodlab::gpu::Held;
 use lodlab::gpu::paint::{Image, Part, Tones};
 use lodlab::gpu::statistics::Looked;
-use lodlab::gpu::Held;
 use lodlab::kernel::{Elem, Packing};
 use lodlab::look::channel::channels;
 use lodlab::look::scale::Scaled;
@@ -112,20 +112,10 @@ fn an_image_has_the_colours_of_its_elements() {
     let channel = channels(&held.about)[0].clone();
     let paint = |held: &Held, channel: &lodlab::look::Channel| {
         let canvas = gpu.canvas((6, 4)).unwrap();
-        let tones = Tones {
-            colours: Colours::Grey,
-            scaled: Scaled::new(0.0, 4.0, Scale::Linear),
-            mark_above: Some(3.0),
-        };
-        let image = Image {
-            held,
-            channel,
-            minus: None,
-            part: Part::all(held),
-            origin: [0.0; 2],
-            step: [0.5; 2],
-            tones,
-        };
+        let tones =
+            Tones { colours: Colours::Grey, scaled: Scaled::new(0.0, 4.0, Scale::Linear), mark_above: Some(3.0) };
+        let image =
+            Image { held, channel, minus: None, part: Part::all(held), origin: [0.0; 2], step: [0.5; 2], tones };
         gpu.paint_image(&canvas, &image).unwrap();
         canvas.read(&gpu).unwrap()
     };

@@ -8,10 +8,16 @@ const HALF: u32 = 3u;
 /// Red, green, blue and alpha, the lowest byte first.
 const COLOUR: u32 = 4u;
 
+/// What the words are that are shown, and of those that are taken away; and how values are spread over colours. What is the same for all
+/// elements is no branch of each.
+override KIND: u32 = 0u;
+override MINUS_KIND: u32 = 0u;
+override SCALE: u32 = 0u;
+override IS_DIFFERENCE: bool = false;
+
 /// Where the number of an element is: words an element, the word, and the bits in it.
 struct Format {
-    @align(16) kind: u32,
-    words: u32,
+    @align(16) words: u32,
     word: u32,
     shift: u32,
     mask: u32,
@@ -42,13 +48,13 @@ fn kind_of_bits(bits: u32) -> u32 {
     return NUMBER;
 }
 
-fn shown_of(word: u32, format: Format) -> Shown {
-    switch format.kind {
+fn shown_of(word: u32, format: Format, kind: u32) -> Shown {
+    switch kind {
         case FLOAT: {
             let value = bitcast<f32>(word);
-            let kind = kind_of_bits(word);
-            let is_missing = format.is_missing_below_zero != 0u && kind != NOT_A_NUMBER && (word >> 31u) == 1u;
-            return Shown(value, select(kind, MISSING, is_missing));
+            let found = kind_of_bits(word);
+            let is_missing = format.is_missing_below_zero != 0u && found != NOT_A_NUMBER && (word >> 31u) == 1u;
+            return Shown(value, select(found, MISSING, is_missing));
         }
         case SIGNED: {
             return Shown(f32(bitcast<i32>(word)), NUMBER);
@@ -93,9 +99,11 @@ fn difference(a: Shown, b: Shown) -> Shown {
 struct Scale {
     @align(16) low: f32,
     high: f32,
-    kind: u32,
     /// Closer to zero than this, a symmetric logarithm is as good as linear.
     linear_below: f32,
+    /// The lowest value as it is scaled, and the share of the range that one more is.
+    low_scaled: f32,
+    per_unit: f32,
 }
 
 const LINEAR: u32 = 0u;
@@ -103,7 +111,7 @@ const LOGARITHM: u32 = 1u;
 const SYMMETRIC: u32 = 2u;
 
 fn scaled(value: f32, scale: Scale) -> f32 {
-    switch scale.kind {
+    switch SCALE {
         case LOGARITHM: {
             return log2(max(value, 1e-38));
         }
@@ -118,11 +126,8 @@ fn scaled(value: f32, scale: Scale) -> f32 {
 
 /// 0 at the lowest value of a range and 1 at the highest.
 fn share_of(value: f32, scale: Scale) -> f32 {
-    let low = scaled(scale.low, scale);
-    let high = scaled(scale.high, scale);
-    let width = high - low;
-    if width == 0.0 {
+    if scale.per_unit == 0.0 {
         return 0.5;
     }
-    return clamp((scaled(value, scale) - low) / width, 0.0, 1.0);
+    return clamp((scaled(value, scale) - scale.low_scaled) * scale.per_unit, 0.0, 1.0);
 }

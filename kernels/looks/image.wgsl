@@ -14,7 +14,6 @@ struct Params {
     stride: u32,
     minus_first: u32,
     minus_stride: u32,
-    is_difference: u32,
     /// Columns and rows of elements.
     extent: vec2<u32>,
     /// Where the picture's corner is in elements, and elements a pixel.
@@ -55,17 +54,17 @@ fn loud(kind: u32, at: vec2<u32>) -> u32 {
 fn colour_of(element: vec2<u32>, at: vec2<u32>) -> u32 {
     let index = params.first + element.y * params.stride + element.x;
     let word = data[index * params.format.words + params.format.word];
-    if params.format.kind == COLOUR && params.is_difference == 0u {
+    if KIND == COLOUR && !IS_DIFFERENCE {
         return word | OPAQUE;
     }
-    var shown = shown_of(word, params.format);
-    if params.is_difference != 0u {
+    var shown = shown_of(word, params.format, KIND);
+    if IS_DIFFERENCE {
         let other_index = params.minus_first + element.y * params.minus_stride + element.x;
         let other_word = other[other_index * params.minus.words + params.minus.word];
-        if params.format.kind == COLOUR {
+        if KIND == COLOUR {
             shown = Shown(colour_difference(word, other_word), NUMBER);
         } else {
-            shown = difference(shown, shown_of(other_word, params.minus));
+            shown = difference(shown, shown_of(other_word, params.minus, MINUS_KIND));
         }
     }
     if shown.kind == MISSING {

@@ -166,7 +166,7 @@ fn colour_of(found: Found) -> u32 {
     if params.value_from == ONE_COLOUR {
         return params.colour;
     }
-    let shown = shown_of(data[found.element * params.format.words + params.format.word], params.format);
+    let shown = shown_of(data[found.element * params.format.words + params.format.word], params.format, KIND);
     if shown.kind != NUMBER {
         return select(0xffff00ffu, 0xff3a3430u, shown.kind == MISSING);
     }

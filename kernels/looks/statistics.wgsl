@@ -10,7 +10,6 @@ struct Params {
     stride: u32,
     minus_first: u32,
     minus_stride: u32,
-    is_difference: u32,
     extent: vec2<u32>,
     threads: u32,
     /// Bins of keys: what they begin with, and by how many bits a key is shortened.
@@ -31,15 +30,15 @@ fn shown_at(element: u32) -> Shown {
     let place = vec2(element % params.extent.x, element / params.extent.x);
     let index = params.first + place.y * params.stride + place.x;
     let word = data[index * params.format.words + params.format.word];
-    if params.is_difference == 0u {
-        return shown_of(word, params.format);
+    if !IS_DIFFERENCE {
+        return shown_of(word, params.format, KIND);
     }
     let other_index = params.minus_first + place.y * params.minus_stride + place.x;
     let other_word = other[other_index * params.minus.words + params.minus.word];
-    if params.format.kind == COLOUR {
+    if KIND == COLOUR {
         return Shown(colour_difference(word, other_word), NUMBER);
     }
-    return difference(shown_of(word, params.format), shown_of(other_word, params.minus));
+    return difference(shown_of(word, params.format, KIND), shown_of(other_word, params.minus, MINUS_KIND));
 }
 
 @compute @workgroup_size(64)

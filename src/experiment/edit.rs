@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
+use super::Experiment;
 use super::diagnostic::{Diagnostic, Source};
 use super::sweep::Setting;
 use super::tree::{Field, Kind, Node};
-use super::Experiment;
 
 impl Experiment {
     /// The text with settings written into it. A swept path gets one value in its axis; a field that is not written is added.

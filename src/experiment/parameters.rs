@@ -27,7 +27,11 @@ pub struct Parameter {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ParameterKind {
     /// So many numbers (one, or a tuple), each within the limits.
-    Numbers { count: usize, is_whole: bool, limits: Limits },
+    Numbers {
+        count: usize,
+        is_whole: bool,
+        limits: Limits,
+    },
     Flag,
     /// One of the choices.
     Choice,

@@ -148,7 +148,8 @@ impl Gpu {
         // a device can have less than its adapter
         let (limits, has_stamps) = (device.limits(), device.features().contains(wgpu::Features::TIMESTAMP_QUERY));
         let (summary, cache) = (summarize(adapter), Cache::default());
-        let mut gpu = Self { device, queue, summary, limits, submission_ms: 0.0, cache, adapter: adapter.clone(), failure };
+        let mut gpu =
+            Self { device, queue, summary, limits, submission_ms: 0.0, cache, adapter: adapter.clone(), failure };
         gpu.submission_ms = timing::empty_submission_ms(&gpu)?;
         gpu.summary.timestamps = gpu.summary.timestamps && has_stamps && timing::stamps_agree_with_clock(&gpu)?;
         Ok(Arc::new(gpu))

@@ -68,6 +68,13 @@ pub struct Image<'a> {
     pub tones: Tones,
 }
 
+/// The pixels of a canvas between two corners.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clip {
+    pub low: (u32, u32),
+    pub high: (u32, u32),
+}
+
 /// What a mesh's points are.
 #[derive(Clone, Copy)]
 pub enum Points<'a> {
@@ -149,7 +156,6 @@ impl Gpu {
             ("stride", image.held.stride.into()),
             ("minus_first", (image.part.row * minus.stride).into()),
             ("minus_stride", minus.stride.into()),
-            ("is_difference", u32::from(image.minus.is_some()).into()),
             ("extent", [image.part.columns, image.part.rows].into()),
             ("origin", image.origin.into()),
             ("step", image.step.into()),
@@ -160,6 +166,7 @@ impl Gpu {
             kernel: "looks/image.wgsl",
             entry: "main",
             draw: None,
+            constants: &constants(image.channel, image.minus.map(|(_, channel)| channel), image.tones.scaled.scale),
             buffers: &[
                 ("data", &image.held.buffer),
                 ("other", &minus.buffer),
@@ -178,7 +185,13 @@ impl Gpu {
     }
 
     /// Paints meshes over what is on the canvas, or over a colour.
-    pub fn paint_meshes(&self, canvas: &Canvas, over: Option<[f64; 3]>, meshes: &[MeshImage]) -> Result<(), GpuError> {
+    pub fn paint_meshes(
+        &self,
+        canvas: &Canvas,
+        over: Option<[f64; 3]>,
+        clip: Option<Clip>,
+        meshes: &[MeshImage],
+    ) -> Result<(), GpuError> {
         let ready: Vec<_> = meshes.iter().map(|mesh| self.ready_mesh(mesh)).collect::<Result<_, _>>()?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let load = match over {
@@ -201,6 +214,10 @@ impl Gpu {
                 }),
                 ..Default::default()
             });
+            if let Some(Clip { low, high }) = clip {
+                let [low, high] = [low, high].map(|at| (at.0.min(canvas.size.0), at.1.min(canvas.size.1)));
+                pass.set_scissor_rect(low.0, low.1, high.0.saturating_sub(low.0), high.1.saturating_sub(low.1));
+            }
             for (ready, vertices) in &ready {
                 let Pipeline::Render(pipeline) = &ready.pipeline else { continue };
                 pass.set_pipeline(pipeline);
@@ -267,6 +284,7 @@ impl Gpu {
             kernel: "looks/mesh.wgsl",
             entry: "draw",
             draw: Some(("paint", topology, FORMAT)),
+            constants: &constants(channel, None, mesh.tones.scaled.scale),
             buffers: &[
                 ("points", &points.buffer),
                 ("places", places.map_or(&nothing, |held| &held.buffer)),
@@ -324,43 +342,39 @@ fn vertices(mesh: &MeshImage) -> u32 {
 }
 
 /// A channel as the structure `Format` of `kernels/lib/look.wgsl`.
-pub(super) fn format_params(of: &'static str, channel: &Channel) -> [(&'static str, Value); 6] {
+pub(super) fn format_params(of: &'static str, channel: &Channel) -> [(&'static str, Value); 5] {
     let names = match of {
-        "minus" => [
-            "minus.kind",
-            "minus.words",
-            "minus.word",
-            "minus.shift",
-            "minus.mask",
-            "minus.is_missing_below_zero",
-        ],
-        _ => [
-            "format.kind",
-            "format.words",
-            "format.word",
-            "format.shift",
-            "format.mask",
-            "format.is_missing_below_zero",
-        ],
+        "minus" => ["minus.words", "minus.word", "minus.shift", "minus.mask", "minus.is_missing_below_zero"],
+        _ => ["format.words", "format.word", "format.shift", "format.mask", "format.is_missing_below_zero"],
     };
-    let values = [
-        channel.kind as u32,
-        channel.words,
-        channel.word,
-        channel.shift,
-        channel.mask,
-        channel.is_missing_below_zero.into(),
-    ];
+    let values = [channel.words, channel.word, channel.shift, channel.mask, channel.is_missing_below_zero.into()];
     std::array::from_fn(|at| (names[at], values[at].into()))
 }
 
+/// What is the same for all elements: kinds of words, the scale, and whether something is taken away.
+pub(super) fn constants(
+    channel: &Channel,
+    minus: Option<&Channel>,
+    scale: crate::look::Scale,
+) -> [(&'static str, f64); 4] {
+    let kind = |channel: &Channel| f64::from(channel.kind as u32);
+    [
+        ("KIND", kind(channel)),
+        ("MINUS_KIND", kind(minus.unwrap_or(channel))),
+        ("SCALE", f64::from(scale as u32)),
+        ("IS_DIFFERENCE", f64::from(minus.is_some())),
+    ]
+}
+
 pub(super) fn tones_params(tones: Tones) -> Vec<(&'static str, Value)> {
-    let Scaled { low, high, scale } = tones.scaled;
+    let Scaled { low, high, .. } = tones.scaled;
+    let (low_scaled, per_unit) = tones.scaled.scaled_low_and_per_unit();
     vec![
         ("scale.low", low.into()),
         ("scale.high", high.into()),
-        ("scale.kind", (scale as u32).into()),
         ("scale.linear_below", tones.scaled.linear_below().into()),
+        ("scale.low_scaled", low_scaled.into()),
+        ("scale.per_unit", per_unit.into()),
     ]
 }
 

@@ -1,7 +1,7 @@
 //! What the values of a buffer are like, found on the device: only sums come back.
 
 use super::memory::make_buffer;
-use super::paint::{Part, Tones, format_params, tones_params};
+use super::paint::{Part, Tones, constants, format_params, tones_params};
 use super::tool::Tool;
 use super::{Gpu, GpuError, Held, readback};
 use crate::kernel::Value;
@@ -107,7 +107,6 @@ impl Gpu {
             ("stride", held.stride.into()),
             ("minus_first", (part.row * other.stride).into()),
             ("minus_stride", other.stride.into()),
-            ("is_difference", u32::from(minus.is_some()).into()),
             ("extent", [part.columns, part.rows].into()),
             ("threads", THREADS.into()),
             ("first_key", first_key.into()),
@@ -119,6 +118,11 @@ impl Gpu {
             kernel: "looks/statistics.wgsl",
             entry,
             draw: None,
+            constants: &constants(
+                channel,
+                minus.map(|(_, channel)| channel),
+                tones.map_or(crate::look::Scale::Linear, |tones| tones.scaled.scale),
+            ),
             buffers: &[("data", &held.buffer), ("other", &other.buffer), ("found", &found), ("bins", &found)],
             params: &params,
         };

@@ -15,6 +15,8 @@ pub struct Tool<'a> {
     pub entry: &'static str,
     /// For a draw: the entry point of its fragments, what the vertices make, and the format of the picture.
     pub draw: Option<(&'static str, Topology, wgpu::TextureFormat)>,
+    /// `override` constants, of which the kernel has some.
+    pub constants: &'a [(&'static str, f64)],
     /// By the names of their variables.
     pub buffers: &'a [(&'static str, &'a wgpu::Buffer)],
     pub params: &'a [(&'static str, Value)],
@@ -31,9 +33,8 @@ impl Gpu {
     pub(super) fn ready(&self, tool: &Tool) -> Result<Ready, GpuError> {
         let mistake = |why: String| GpuError::Plan(format!("{}: {why}", tool.kernel));
         let kernel = Kernel::built_in(tool.kernel, None).map_err(|error| mistake(error.to_string()))?;
-        let is_used = |entry: &&Entry| {
-            entry.name == tool.entry || tool.draw.is_some_and(|(fragment, ..)| entry.name == fragment)
-        };
+        let is_used =
+            |entry: &&Entry| entry.name == tool.entry || tool.draw.is_some_and(|(fragment, ..)| entry.name == fragment);
         let entries: Vec<&Entry> = kernel.entries.iter().filter(is_used).collect();
         let main = entries.iter().find(|entry| entry.name == tool.entry);
         let workgroup_size = main.ok_or_else(|| mistake(format!("no entry point `{}`", tool.entry)))?.workgroup_size;
@@ -61,12 +62,15 @@ impl Gpu {
         let group = self.scoped(&format!("the bindings of `{}`", tool.kernel), || {
             self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
         })?;
-        let draw = tool.draw.map(|(fragment, topology, target)| DrawKey { fragment: fragment.into(), topology, target });
+        let draw =
+            tool.draw.map(|(fragment, topology, target)| DrawKey { fragment: fragment.into(), topology, target });
+        let own = tool.constants.iter().filter(|(name, _)| kernel.overrides.iter().any(|known| known == name));
+        let constants = own.map(|(name, value)| (name.to_string(), value.to_bits())).collect();
         let key = PipelineKey {
             kernel: kernel.hash.clone(),
             is_trusted: true,
             entry: tool.entry.into(),
-            constants: Vec::new(),
+            constants,
             layouts,
             draw,
         };

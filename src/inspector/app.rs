@@ -14,9 +14,9 @@ use super::panes::camera::CameraPane;
 use super::panes::chain::ChainPane;
 use super::panes::experiments::ExperimentsPane;
 use super::panes::parameters::ParametersPane;
+use super::panes::probe;
 use super::panes::results::ResultsPane;
 use super::panes::source::SourcePane;
-use super::panes::probe;
 use super::probe::Asked;
 use super::screen::Screen;
 use super::shot::Shot;
@@ -53,6 +53,8 @@ pub struct Layout {
 struct Wanted {
     document: Option<Document>,
     cell: CellName,
+    /// The frame of the path, where it is another one than that of the first side.
+    frame: Option<usize>,
     sent: Option<Wish>,
     refused: Option<Diagnostic>,
 }
@@ -73,12 +75,14 @@ pub struct App {
     /// Steps are timed when nothing else is to be done.
     times: bool,
     broken: bool,
+    /// Only the views are drawn, beside each other.
+    only_views: bool,
 }
 
 impl App {
     pub fn new(gpu: &Arc<Gpu>, screen: Screen, wake: Wake, layout: Option<Layout>) -> Self {
         let worker = Worker::new(gpu, wake);
-        let wanted = || Wanted { document: None, cell: CellName::default(), sent: None, refused: None };
+        let wanted = || Wanted { document: None, cell: CellName::default(), frame: None, sent: None, refused: None };
         Self {
             desk: Desk::new(gpu, screen, worker),
             layout: layout.unwrap_or_else(default_layout),
@@ -93,6 +97,7 @@ impl App {
             watch: Watch::default(),
             times: true,
             broken: false,
+            only_views: false,
         }
     }
 
@@ -111,6 +116,7 @@ impl App {
                 for wanted in &mut self.wanted {
                     wanted.document = Some(document.clone());
                     wanted.cell = CellName::default();
+                    wanted.frame = None;
                     wanted.refused = None;
                 }
                 self.desk.shown = [None, None];
@@ -204,7 +210,8 @@ impl App {
     }
 
     fn close(&mut self, id: u64) {
-        let is_it = |tile: &egui_tiles::Tile<Pane>| matches!(tile, egui_tiles::Tile::Pane(Pane::View(view)) if view.id == id);
+        let is_it =
+            |tile: &egui_tiles::Tile<Pane>| matches!(tile, egui_tiles::Tile::Pane(Pane::View(view)) if view.id == id);
         let found = self.layout.tree.tiles.iter().find(|(_, tile)| is_it(tile)).map(|(id, _)| *id);
         if let Some(tile) = found {
             self.layout.tree.remove_recursively(tile);
@@ -213,36 +220,26 @@ impl App {
 
     /// The views in the order in which they were opened.
     pub fn views_mut(&mut self) -> Vec<&mut View> {
-        let mut views: Vec<&mut View> = self
-            .layout
-            .tree
-            .tiles
-            .tiles_mut()
-            .filter_map(|tile| match tile {
-                egui_tiles::Tile::Pane(Pane::View(view)) => Some(view.as_mut()),
-                _ => None,
-            })
-            .collect();
-        views.sort_by_key(|view| view.id);
-        views
+        views_of(&mut self.layout)
     }
 
-    /// The views beside what they share.
-    pub fn desk_and_views(&mut self) -> (&Desk, Vec<&View>) {
-        let tiles = self.layout.tree.tiles.tiles();
-        let mut views: Vec<&View> = tiles
-            .filter_map(|tile| match tile {
-                egui_tiles::Tile::Pane(Pane::View(view)) => Some(view.as_ref()),
-                _ => None,
-            })
-            .collect();
-        views.sort_by_key(|view| view.id);
-        (&self.desk, views)
+    /// Whether each step is timed when there is nothing else to do.
+    pub fn time_steps(&mut self, times: bool) {
+        self.times = times;
+    }
+
+    /// From now on there is nothing but the views.
+    pub fn show_only_views(&mut self) {
+        self.only_views = true;
     }
 
     /// Nothing is on its way, so that what is drawn now is what there is to see.
     pub fn is_settled(&self) -> bool {
-        !self.desk.worker.is_busy() && self.probing.is_none()
+        let waits = self.layout.tree.tiles.tiles().any(|tile| match tile {
+            egui_tiles::Tile::Pane(Pane::View(view)) => view.waits(),
+            _ => false,
+        });
+        !self.desk.worker.is_busy() && self.probing.is_none() && !waits
     }
 
     pub fn refused(&self, side: Side) -> Option<&Diagnostic> {
@@ -294,7 +291,7 @@ impl App {
                 view.turn_to(Side::A, of);
             }
         }
-        self.watch.follow(side, &shown);
+        self.watch.follow(&shown);
         self.desk.shown[side as usize] = Some(shown);
     }
 
@@ -308,12 +305,11 @@ impl App {
             let is_busy = self.desk.worker.is_busy();
             let wanted = &mut self.wanted[side as usize];
             let Some(document) = wanted.document.clone() else { continue };
-            let known = self.desk.shown[side as usize].as_deref();
-            let buffers = self.watch.ours(&buffers[side as usize], known);
+            let buffers = buffers[side as usize].clone();
             let mut wish = Wish {
                 document,
                 cell: wanted.cell.clone(),
-                moment: self.moment,
+                moment: wanted.frame.map_or(self.moment, Moment::Frame),
                 buffers,
                 on_cpu: self.desk.on_cpu.clone(),
                 in_f64: self.desk.in_f64,
@@ -325,7 +321,11 @@ impl App {
             if is_new {
                 self.desk.worker.wish(side, wish.clone());
                 wanted.sent = Some(wish);
-            } else if self.times && !is_busy && wanted.refused.is_none() && wanted.sent.as_ref().is_some_and(|sent| !sent.times) {
+            } else if self.times
+                && !is_busy
+                && wanted.refused.is_none()
+                && wanted.sent.as_ref().is_some_and(|sent| !sent.times)
+            {
                 // nobody waits for anything: the steps are timed
                 wish.times = true;
                 self.desk.worker.wish(side, wish.clone());
@@ -338,7 +338,11 @@ impl App {
     fn buffers(&mut self) -> [Vec<String>; 2] {
         let mut buffers = [Vec::new(), Vec::new()];
         for view in self.views_mut() {
+            // nothing is known yet of what the chain has
             let Of::Buffer(name) = &view.of else { continue };
+            if name.is_empty() {
+                continue;
+            }
             buffers[view.side as usize].push(name.clone());
             if view.against == Against::Other {
                 let other = if view.side == Side::A { Side::B } else { Side::A };
@@ -354,9 +358,8 @@ impl App {
 
     /// What is at a place of a view, at once.
     pub fn point(&self, view_id: u64, at: super::probe::Where) -> Result<super::probe::Probed, Diagnostic> {
-        let (from, shown, views) = self
-            .asked(view_id)
-            .ok_or_else(|| Diagnostic::input(format!("view {view_id} has nothing to point at")))?;
+        let (from, shown, views) =
+            self.asked(view_id).ok_or_else(|| Diagnostic::input(format!("view {view_id} has nothing to point at")))?;
         super::probe::probe(&self.desk.gpu, &shown, &from, at, &views)
     }
 
@@ -408,6 +411,36 @@ impl App {
             let error = Diagnostic::from(error).help("what was shown last stays; start the inspector again to go on");
             self.said = Some(Err(error));
         }
+        if self.only_views {
+            egui::CentralPanel::default().show(ui, |ui| self.views(ui));
+        } else {
+            self.window(ui);
+        }
+        for action in std::mem::take(&mut self.desk.actions) {
+            self.act(action);
+        }
+        if !self.broken {
+            self.send();
+            self.probe();
+        }
+        if !self.is_settled() {
+            ui.ctx().request_repaint_after(std::time::Duration::from_millis(30));
+        }
+    }
+
+    /// The views beside each other.
+    fn views(&mut self, ui: &mut Ui) {
+        let Self { layout, desk, .. } = self;
+        let mut views = views_of(layout);
+        ui.columns(views.len().max(1), |columns| {
+            for (column, view) in columns.iter_mut().zip(&mut views) {
+                view.ui(column, desk);
+            }
+        });
+    }
+
+    /// Everything.
+    fn window(&mut self, ui: &mut Ui) {
         egui::Panel::top("top").show(ui, |ui| self.top(ui));
         egui::Panel::bottom("bottom").show(ui, |ui| self.bottom(ui));
         egui::CentralPanel::default().show(ui, |ui| match self.wanted[0].document.is_some() {
@@ -426,16 +459,6 @@ impl App {
                 closed.into_iter().for_each(|id| self.close(id));
             }
         });
-        for action in std::mem::take(&mut self.desk.actions) {
-            self.act(action);
-        }
-        if !self.broken {
-            self.send();
-            self.probe();
-        }
-        if !self.is_settled() {
-            ui.ctx().request_repaint_after(std::time::Duration::from_millis(30));
-        }
     }
 
     fn top(&mut self, ui: &mut Ui) {
@@ -460,11 +483,23 @@ impl App {
                     self.wanted[1].cell = self.wanted[0].cell.clone();
                 }
             }
-            ui.checkbox(&mut self.desk.in_f64, "f64 of every stage").on_hover_text("each stage's reference, given what its kernels were given");
+            ui.checkbox(&mut self.desk.in_f64, "f64 of every stage")
+                .on_hover_text("each stage's reference, given what its kernels were given");
             ui.checkbox(&mut self.desk.truth, "ground truth");
             ui.checkbox(&mut self.times, "time the steps");
             if let Some(shown) = self.desk.shown(Side::A).cloned() {
                 let last = shown.frames.saturating_sub(1);
+                if self.desk.compares {
+                    let second = &mut self.wanted[1].frame;
+                    let mut apart = second.is_some();
+                    let own = if let Moment::Frame(frame) = self.moment { frame } else { 0 };
+                    if ui.checkbox(&mut apart, "B at").on_hover_text("another frame on the second side").changed() {
+                        *second = apart.then_some(own);
+                    }
+                    if let Some(frame) = second {
+                        ui.add(egui::DragValue::new(frame).range(0..=last).speed(0.1));
+                    }
+                }
                 if let Moment::Frame(frame) = self.moment {
                     let mut frame = frame.min(last);
                     if last > 0 && ui.add(egui::Slider::new(&mut frame, 0..=last).text("frame")).changed() {
@@ -486,30 +521,31 @@ impl App {
         let label = |cell: &CellName| crate::experiment::label(&cell.chain, &cell.settings);
         let wanted = &mut self.wanted[side as usize];
         let text = format!("{name}: {}", label(&wanted.cell));
-        egui::ComboBox::from_id_salt(("cell", name)).selected_text(text).width(280.0).truncate().height(600.0).show_ui(ui, |ui| {
-            let Some(shown) = &self.desk.shown[side as usize] else { return };
-            for cell in &shown.cells {
-                ui.selectable_value(&mut wanted.cell, cell.clone(), label(cell));
-            }
-        });
+        egui::ComboBox::from_id_salt(("cell", name)).selected_text(text).width(280.0).truncate().height(600.0).show_ui(
+            ui,
+            |ui| {
+                let Some(shown) = &self.desk.shown[side as usize] else { return };
+                for cell in &shown.cells {
+                    ui.selectable_value(&mut wanted.cell, cell.clone(), label(cell));
+                }
+            },
+        );
     }
 
     fn bottom(&mut self, ui: &mut Ui) {
-        ui.horizontal(|ui| {
-            match &self.working {
-                Some((what, share)) if self.desk.worker.is_busy() => {
-                    ui.spinner();
-                    ui.label(what);
-                    if let Some(share) = share {
-                        ui.add(egui::ProgressBar::new(*share).desired_width(160.0));
-                    }
-                    if ui.button("cancel").clicked() {
-                        self.desk.worker.cancel();
-                    }
+        ui.horizontal(|ui| match &self.working {
+            Some((what, share)) if self.desk.worker.is_busy() => {
+                ui.spinner();
+                ui.label(what);
+                if let Some(share) = share {
+                    ui.add(egui::ProgressBar::new(*share).desired_width(160.0));
                 }
-                _ => {
-                    ui.weak(&self.desk.gpu.summary.name);
+                if ui.button("cancel").clicked() {
+                    self.desk.worker.cancel();
                 }
+            }
+            _ => {
+                ui.weak(&self.desk.gpu.summary.name);
             }
         });
         for side in Side::BOTH {
@@ -629,6 +665,18 @@ fn default_layout() -> Layout {
         row.shares.set_share(right, 0.62);
     }
     Layout { tree: Tree::new(egui::Id::unique("tiles"), root, tiles), next_view: 2 }
+}
+
+fn views_of(layout: &mut Layout) -> Vec<&mut View> {
+    let tiles = layout.tree.tiles.tiles_mut();
+    let mut views: Vec<&mut View> = tiles
+        .filter_map(|tile| match tile {
+            egui_tiles::Tile::Pane(Pane::View(view)) => Some(view.as_mut()),
+            _ => None,
+        })
+        .collect();
+    views.sort_by_key(|view| view.id);
+    views
 }
 
 /// What the views of a new window are of: the chain's picture (or whatever it makes last), and the mesh that it draws (or the distances, or

@@ -17,13 +17,30 @@ use crate::gpu::Gpu;
 #[derive(Clone, Debug)]
 pub enum Action {
     /// A new view, or the one that is there in its place.
-    See { side: Side, of: Of, in_new: bool },
+    See {
+        side: Side,
+        of: Of,
+        in_new: bool,
+    },
     Close(u64),
-    Set { side: Side, path: String, value: String },
-    Reset { side: Side, path: Option<String> },
-    Choose { side: Side, cell: CellName },
+    Set {
+        side: Side,
+        path: String,
+        value: String,
+    },
+    Reset {
+        side: Side,
+        path: Option<String>,
+    },
+    Choose {
+        side: Side,
+        cell: CellName,
+    },
     Move(Moment),
-    OnCpu { stage: String, on: bool },
+    OnCpu {
+        stage: String,
+        on: bool,
+    },
     Open(PathBuf),
     SaveAs(PathBuf),
     OpenResults(PathBuf),

@@ -169,8 +169,10 @@ impl Prober<'_> {
             Spread::Projector | Spread::ProjectorCorners => {
                 let (columns, rows) = from.values.held.size();
                 let place = centre / DVec2::new(columns.into(), rows.into());
-                self.nearest(self.places(), 2, place.extend(0.0)).map_or(Spot::default(), |grid| self.spot_of_grid(grid))
+                self.nearest(self.places(), 2, place.extend(0.0))
+                    .map_or(Spot::default(), |grid| self.spot_of_grid(grid))
             }
+            Spread::Rows => Spot::default(),
             Spread::Numbers => match from.source.and_then(|id| self.shown.plan.known().surface(id)) {
                 Some(Surface::Own(mesh)) => self.spot_of_listed(mesh, element.x),
                 _ => Spot::default(),
@@ -257,7 +259,9 @@ impl Prober<'_> {
         let Values { held, part, .. } = &view.values;
         let whole = |at: DVec2| {
             let inside = at.cmpge(DVec2::ZERO).all();
-            inside.then(|| (at.x.floor() as u32, at.y.floor() as u32)).filter(|at| at.0 < part.columns && at.1 < part.rows)
+            inside
+                .then(|| (at.x.floor() as u32, at.y.floor() as u32))
+                .filter(|at| at.0 < part.columns && at.1 < part.rows)
         };
         match held.about.spread {
             Spread::Pixels => whole(spot.pixel?),
@@ -268,6 +272,7 @@ impl Prober<'_> {
             Spread::Projector | Spread::ProjectorCorners => {
                 whole(spot.place? * DVec2::new(part.columns.into(), part.rows.into()))
             }
+            Spread::Rows => None,
             Spread::Numbers => match view.source.and_then(|id| self.shown.plan.known().surface(id)) {
                 Some(Surface::Own(mesh)) => self.listed_at(mesh, spot.sample?).map(|at| (at, 0)),
                 _ => None,
@@ -314,9 +319,8 @@ impl Prober<'_> {
 
     fn places(&self) -> Option<&[f32]> {
         let buffers = &self.shown.plan.buffers;
-        let is_place = |at: &usize| {
-            buffers[*at].spread == Spread::GridPoints && buffers[*at].elem == crate::kernel::Elem::Vec2F32
-        };
+        let is_place =
+            |at: &usize| buffers[*at].spread == Spread::GridPoints && buffers[*at].elem == crate::kernel::Elem::Vec2F32;
         let ids = (0..buffers.len()).rev().filter(is_place).map(BufferId);
         let held = ids.into_iter().find_map(|id| self.shown.companion(id));
         copied(self.gpu, held, &self.shown.copies.places)

@@ -72,7 +72,11 @@ impl Screen {
     }
 
     /// What egui has put out, as a picture of four bytes a pixel.
-    pub fn picture(&self, context: &egui::Context, output: egui::FullOutput) -> Result<([u32; 2], Vec<u8>), Diagnostic> {
+    pub fn picture(
+        &self,
+        context: &egui::Context,
+        output: egui::FullOutput,
+    ) -> Result<([u32; 2], Vec<u8>), Diagnostic> {
         let gpu = &self.gpu;
         let scale = context.pixels_per_point();
         let size = (context.content_rect().size() * scale).round();
@@ -99,7 +103,10 @@ impl Screen {
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                     view: &view,
                     resolve_target: None,
-                    ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                        store: wgpu::StoreOp::Store,
+                    },
                     depth_slice: None,
                 })],
                 ..Default::default()

@@ -23,7 +23,7 @@ pub struct Shot {
     /// `--set` arguments.
     pub set: Vec<String>,
     pub chain: Option<String>,
-    /// Buffers, each in a view of its own; `truth`, `truth-distance` and `error` are those of the ground truth.
+    /// Buffers, each in a view of its own; `truth`, `truth-distance` and `screen-error` are those of the ground truth.
     pub buffers: Vec<String>,
     pub after: Option<String>,
     pub frame: usize,
@@ -33,8 +33,8 @@ pub struct Shot {
     pub level: Option<u32>,
     /// `f64` or `truth`.
     pub against: Option<String>,
-    /// Only the first view's picture, without the window around it.
-    pub only_view: bool,
+    /// Only the views, without the window around them.
+    pub only_views: bool,
     /// Opened besides, in the results pane.
     pub results: Option<PathBuf>,
     pub size: (u32, u32),
@@ -52,13 +52,11 @@ impl Shot {
         let screen = Screen::without_window(gpu);
         let mut app = App::new(gpu, screen.clone(), Arc::new(|| ()), None);
         self.prepare(&mut app)?;
+        if self.only_views {
+            app.show_only_views();
+        }
         let context = egui::Context::default();
         let output = self.settle(&mut app, &context, &screen)?;
-        if self.only_view {
-            let desk = app.desk_and_views();
-            let view = desk.1.into_iter().next().ok_or_else(|| Diagnostic::input("there is no view"))?;
-            return view.save_picture(desk.0, &self.out).map(|_| ());
-        }
         let ([width, _], pixels) = screen.picture(&context, output)?;
         export::picture(&self.out, width, &pixels)
     }
@@ -77,7 +75,8 @@ impl Shot {
         }
         if let Some(chain) = &self.chain {
             let found = cells.iter().find(|cell| cell.chain == *chain || cell.label() == *chain);
-            let names = cells.iter().map(|cell| cell.chain.as_str());
+            let mut names: Vec<&str> = cells.iter().map(|cell| cell.chain.as_str()).collect();
+            names.dedup();
             let found = found.ok_or_else(|| {
                 Diagnostic::input(format!("the experiment has no chain `{chain}`")).suggest(chain, names)
             })?;
@@ -111,7 +110,7 @@ impl Shot {
             let of = match buffer.as_str() {
                 "truth" => Of::TruthPicture,
                 "truth-distance" => Of::TruthDistance,
-                "error" => Of::ScreenError,
+                "screen-error" => Of::ScreenError,
                 name => Of::Buffer(match &self.after {
                     Some(step) if !name.contains('@') => format!("{name}@{step}"),
                     _ => name.into(),
@@ -128,7 +127,9 @@ impl Shot {
         if self.buffers.is_empty() {
             return Ok(());
         }
-        if self.buffers.len() == 1 && let Some(id) = app.views_mut().get(1).map(|view| view.id) {
+        if self.buffers.len() == 1
+            && let Some(id) = app.views_mut().get(1).map(|view| view.id)
+        {
             app.act(Action::Close(id));
         }
         for view in app.views_mut() {
@@ -147,6 +148,13 @@ impl Shot {
         if let Some(level) = self.level {
             view.level = level.saturating_sub(1) as usize;
         }
+    }
+
+    /// Refuses buffers that the chain does not have.
+    fn check(&self, app: &App) -> Result<(), Diagnostic> {
+        let Some(shown) = app.desk().shown(Side::A) else { return Ok(()) };
+        let absent = shown.wish.buffers.iter().filter(|name| !name.is_empty() && shown.held(name).is_none());
+        absent.map(|name| shown.plan.find(name).map(|_| ())).collect()
     }
 
     /// Draws until nothing is on its way.
@@ -170,6 +178,7 @@ impl Shot {
             }
             quiet = if app.is_settled() { quiet + 1 } else { 0 };
             if quiet > SETTLING {
+                self.check(app)?;
                 return Ok(output);
             }
             if start.elapsed() > MOST {
@@ -183,7 +192,8 @@ impl Shot {
 }
 
 fn form_of(name: &str) -> Result<Form, Diagnostic> {
-    Form::ALL.into_iter().find(|form| form.name() == name).ok_or_else(|| {
-        Diagnostic::input(format!("there is no look `{name}`")).suggest(name, Form::ALL.map(Form::name))
-    })
+    Form::ALL
+        .into_iter()
+        .find(|form| form.name() == name)
+        .ok_or_else(|| Diagnostic::input(format!("there is no look `{name}`")).suggest(name, Form::ALL.map(Form::name)))
 }

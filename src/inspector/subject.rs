@@ -9,8 +9,8 @@ use std::time::Instant;
 use super::probe::Copies;
 use super::wish::{CellName, F64Shown, Moment, Shown, TruthShown, Wish};
 use crate::camera::Camera;
-use crate::experiment::Cell;
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::{Cell, Experiment};
 use crate::frame::FrameInput;
 use crate::gpu::{Executor, Gpu, Held};
 use crate::kernel::{Elem, Packing};
@@ -24,6 +24,9 @@ use crate::run::{Options, Overflow, Prepared, Scenes, Truth, truth_plan};
 
 /// Scenes that are kept in memory although nobody looks at them now.
 const MOST_SCENES: usize = 4;
+
+/// On the device, a pixel on which nothing is drawn.
+const NOTHING: f32 = -1.0;
 
 /// What a long piece of work is told and tells.
 pub struct Work<'a> {
@@ -53,6 +56,7 @@ pub struct Subject {
 /// What does for all wishes with the same plan.
 struct Made {
     wish: Wish,
+    experiment: Arc<Experiment>,
     cells: Vec<CellName>,
     prepared: Arc<Prepared>,
     /// The same for the camera of the wish: a path's, or any.
@@ -95,9 +99,12 @@ impl Subject {
     /// Carries a wish out. After a mistake everything is as before.
     pub fn update(&mut self, wish: &Wish, work: &Work) -> Result<Arc<Shown>, Diagnostic> {
         let mut capacities = Capacities::new();
-        if !self.made.as_ref().is_some_and(|made| made.does_for(wish)) {
+        let start = Instant::now();
+        let is_new = !self.made.as_ref().is_some_and(|made| made.does_for(wish));
+        if is_new {
             self.made = Some(self.make(wish, &capacities, work)?);
         }
+        let made_ms = is_new.then(|| start.elapsed().as_secs_f64() * 1e3);
         loop {
             work.goes_on()?;
             let Some(made) = &mut self.made else { return Err(Diagnostic::run("nothing was made")) };
@@ -105,7 +112,7 @@ impl Subject {
             match made.run(wish, work) {
                 Ok(None) => {
                     let frame_ms = start.elapsed().as_secs_f64() * 1e3;
-                    return self.shown(wish, frame_ms, work);
+                    return self.shown(wish, (made_ms, frame_ms), work);
                 }
                 Ok(Some(Overflow { list, needed, .. })) => {
                     capacities = made.capacities.clone();
@@ -124,7 +131,7 @@ impl Subject {
 
     fn make(&mut self, wish: &Wish, capacities: &Capacities, work: &Work) -> Result<Made, Diagnostic> {
         (work.tell)("planning".into(), None);
-        let experiment = wish.document.read()?;
+        let experiment = Arc::new(wish.document.read()?);
         let cells = experiment.cells(&wish.document.settings()?)?;
         let names = cells.iter().map(cell_name).collect();
         let cell = cells[choose(&cells, &wish.cell)].clone();
@@ -146,15 +153,15 @@ impl Subject {
             beside = companions(chain, dumped, &run_plan, largest);
             beside.clone()
         })?;
-        for name in &wish.buffers {
-            buffers.push((name.clone(), plan.find(name)?));
-        }
+        // of what another chain has, this one may have nothing
+        buffers.extend(wish.buffers.iter().filter_map(|name| Some((name.clone(), plan.find(name).ok()?))));
         let plan = Arc::new(plan);
         self.gpu.check_plan(&plan)?;
         let mut executor = Executor::new(&self.gpu, &plan, &viewed.data)?;
         executor.setup()?;
         Ok(Made {
             wish: wish.clone(),
+            experiment,
             cells: names,
             step_names: step_names(&plan.steps),
             prepared,
@@ -173,20 +180,25 @@ impl Subject {
         })
     }
 
-    fn shown(&mut self, wish: &Wish, frame_ms: f64, work: &Work) -> Result<Arc<Shown>, Diagnostic> {
+    fn shown(
+        &mut self,
+        wish: &Wish,
+        (made_ms, frame_ms): (Option<f64>, f64),
+        work: &Work,
+    ) -> Result<Arc<Shown>, Diagnostic> {
         let Some(made) = &mut self.made else { return Err(Diagnostic::run("nothing was made")) };
         let held = |id: BufferId| made.executor.held(id);
         let named = |(name, id): &(String, BufferId)| Ok((name.clone(), (*id, held(*id)?)));
         let buffers = made.buffers.iter().map(named).collect::<Result<BTreeMap<_, _>, Diagnostic>>()?;
         let companions = made.companions.iter().filter(|id| made.plan.lives(**id));
-        let companions =
-            companions.map(|&id| Ok((id, held(id)?))).collect::<Result<BTreeMap<_, _>, Diagnostic>>()?;
+        let companions = companions.map(|&id| Ok((id, held(id)?))).collect::<Result<BTreeMap<_, _>, Diagnostic>>()?;
         let camera = made.camera(&wish.moment)?;
         let mut notes = Vec::new();
         let wanted_truth = wish.truth && made.prepared.cell.stages.iter().len() > 0;
         let (prepared, plan, frames) = (made.prepared.clone(), made.plan.clone(), made.prepared.data.cameras().len());
         let mut shown = Shown {
             wish: wish.clone(),
+            experiment: made.experiment.clone(),
             cells: made.cells.clone(),
             prepared,
             run_plan: made.run_plan.clone(),
@@ -197,6 +209,7 @@ impl Subject {
             buffers,
             companions,
             frame_ms,
+            made_ms,
             step_ms: made.step_ms.clone(),
             truth: None,
             in_f64: made.walked.clone(),
@@ -228,6 +241,8 @@ impl Subject {
             let times = made.executor.frame_by_steps(frame)?;
             let all = once.steps.into_iter().chain(times.steps);
             made.step_ms = all.filter_map(|time| Some((time.step, time.ms?))).collect();
+            // timed frames leave taps out, and have written over what shares their memory
+            made.executor.frame(frame)?;
         }
         shown.step_ms = made.step_ms.clone();
         Ok(())
@@ -258,6 +273,7 @@ impl Subject {
         let drawn_m: Vec<f32> = bytemuck::pod_collect_to_vec(&drawn_bytes);
         let ground = prepared.data.ground.as_ref();
         let error = screen_error::frame(ground, &shown.camera, &drawn_m, &truth.distance_m, None).error_px;
+        let error: Vec<f32> = error.into_iter().map(|error| if error.is_nan() { NOTHING } else { error }).collect();
         let figures = figures(&prepared, &shown.plan, frame, (drawn.distance, drawn_bytes), &truth);
         let (width, height) = shown.camera.viewport;
         let about = |name: &str, elem, unit, meaning: &str| Buffer {
@@ -266,12 +282,14 @@ impl Subject {
         };
         let upload = |about: Buffer, bytes: &[u8]| Held::upload(&self.gpu, about, bytes);
         let meaning = "pixels between what is drawn and the true surface at the same ground position";
-        let missing = Buffer { missing: Some(-1.0), ..about("truth", Elem::F32, "m", "distance along the pixel's ray") };
+        let missing =
+            Buffer { missing: Some(NOTHING), ..about("truth", Elem::F32, "m", "distance along the pixel's ray") };
+        let error_px = Buffer { missing: Some(NOTHING), ..about("screen error", Elem::F32, "px", meaning) };
         let colours = Buffer { packing: Packing::Bytes, ..about("truth picture", Elem::U32, "", "the true picture") };
         Ok(Arc::new(TruthShown {
             distance: upload(missing, bytemuck::cast_slice(&truth.distance_m))?,
             picture: upload(colours, bytemuck::cast_slice(&truth.colour))?,
-            error: upload(about("screen error", Elem::F32, "px", meaning), bytemuck::cast_slice(&error))?,
+            error: upload(error_px, bytemuck::cast_slice(&error))?,
             figures,
         }))
     }

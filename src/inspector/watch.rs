@@ -1,10 +1,10 @@
-//! Files of kernels that change while they are looked at, and buffers that a chain does not have.
+//! Files of kernels that change while they are looked at.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use super::wish::{Shown, Side};
+use super::wish::Shown;
 use crate::kernel::{Kernel, built_in_folder};
 
 /// Seconds between two looks at the files.
@@ -29,7 +29,7 @@ impl Watch {
     }
 
     /// Looks at the files of the kernels that run.
-    pub fn follow(&mut self, _side: Side, shown: &Shown) {
+    pub fn follow(&mut self, shown: &Shown) {
         let folder = built_in_folder();
         for run in shown.plan.steps.iter().filter_map(|step| step.run()) {
             for source in run.kernel.assembled.sources() {
@@ -65,15 +65,5 @@ impl Watch {
             self.number += 1;
         }
         changed
-    }
-
-    /// Those of the buffers that the chain can have, so that a view of something else does not end everything.
-    pub fn ours(&self, buffers: &[String], known: Option<&Shown>) -> Vec<String> {
-        let Some(shown) = known else { return Vec::new() };
-        let has = |name: &&String| {
-            let buffer = name.split('@').next().unwrap_or_default();
-            shown.run_plan.buffers.iter().any(|known| known.name == buffer)
-        };
-        buffers.iter().filter(has).cloned().collect()
     }
 }

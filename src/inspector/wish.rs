@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::document::Document;
 use crate::camera::Camera;
+use crate::experiment::Experiment;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::Held;
 use crate::measure::Measured;
@@ -64,7 +65,8 @@ pub struct Wish {
 /// What was made of a wish.
 pub struct Shown {
     pub wish: Wish,
-    /// All cells of the experiment.
+    pub experiment: Arc<Experiment>,
+    /// All of its cells.
     pub cells: Vec<CellName>,
     pub prepared: Arc<Prepared>,
     /// What a run carries out, and leaves out.
@@ -81,6 +83,8 @@ pub struct Shown {
     pub companions: BTreeMap<BufferId, Held>,
     /// What a frame took on the clock, and each step of the plan if that was asked for.
     pub frame_ms: f64,
+    /// What reading, planning and preparing took, if this was made anew.
+    pub made_ms: Option<f64>,
     pub step_ms: BTreeMap<usize, f64>,
     pub truth: Option<Arc<TruthShown>>,
     /// By the names of the buffers.
@@ -137,7 +141,10 @@ pub enum Told {
     Shown(Side, Arc<Shown>),
     /// A wish that cannot be fulfilled; what was shown stays.
     Refused(Side, Wish, Diagnostic),
-    Working { what: String, share: Option<f32> },
+    Working {
+        what: String,
+        share: Option<f32>,
+    },
     /// It has done everything of so many messages.
     Idle(usize),
     Answer(u64, Answer),

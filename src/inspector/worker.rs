@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
 use super::ask::Ask;
-use super::{export, probe};
 use super::subject::{Subject, Work};
 use super::wish::{Answer, Side, Told, Wish};
+use super::{export, probe};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::Gpu;
 
@@ -112,7 +112,7 @@ impl Todo {
 
     /// Takes in what has come; waits for it if there is nothing to do.
     fn fill(&mut self, sent: &Receiver<Sent>) {
-        if self.is_empty() {
+        if self.is_empty() && !self.ends {
             match sent.recv() {
                 Ok(first) => self.add(first),
                 Err(_) => self.ends = true,

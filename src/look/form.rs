@@ -209,6 +209,9 @@ impl Known<'_> {
     /// The numbers above which elements are listed, to be cast again for instance.
     pub fn listed_above(&self, id: BufferId) -> Option<f64> {
         use crate::plan::product::Listing;
-        Listing::all(self.products).iter().find(|listing: &&Listing<BufferId>| listing.of == id).map(|found| found.above)
+        Listing::all(self.products)
+            .iter()
+            .find(|listing: &&Listing<BufferId>| listing.of == id)
+            .map(|found| found.above)
     }
 }

@@ -59,6 +59,12 @@ impl Scaled {
         }
     }
 
+    /// The lowest value as it is scaled, and the share of the range that one more is.
+    pub fn scaled_low_and_per_unit(&self) -> (f32, f32) {
+        let (low, high) = (self.scaled(self.low.into()), self.scaled(self.high.into()));
+        (low as f32, if low == high { 0.0 } else { (1.0 / (high - low)) as f32 })
+    }
+
     /// 0 at the lowest value and 1 at the highest.
     pub fn share(&self, value: f64) -> f64 {
         let (low, high) = (self.scaled(self.low.into()), self.scaled(self.high.into()));

@@ -26,6 +26,8 @@ pub enum Spread {
     Projector,
     /// The corners of such parts.
     ProjectorCorners,
+    /// Rows of numbers; what each is of, the meaning says.
+    Rows,
 }
 
 /// A number in an element that has several in its bits.
@@ -77,14 +79,7 @@ impl Spread {
 
 impl Chain<'_> {
     /// Makes a buffer with an element for each pixel, sample or node.
-    pub fn make_over(
-        &mut self,
-        name: &str,
-        elem: Elem,
-        spread: Spread,
-        unit: &'static str,
-        meaning: &str,
-    ) -> BufferId {
+    pub fn make_over(&mut self, name: &str, elem: Elem, spread: Spread, unit: &'static str, meaning: &str) -> BufferId {
         let size = |size: UVec2| vec![size.y, size.x];
         let dims = match spread {
             Spread::Pixels => size(UVec2::from(self.data.scene.viewport)),
@@ -115,7 +110,10 @@ mod tests {
     fn levels_lie_where_the_layout_says() {
         let layout = Layout::new(UVec2::new(5, 3));
         let levels = Spread::Nodes(layout).levels(None);
-        assert_eq!(levels.iter().map(|level| (level.columns, level.rows)).collect::<Vec<_>>(), [(3, 2), (2, 1), (1, 1)]);
+        assert_eq!(
+            levels.iter().map(|level| (level.columns, level.rows)).collect::<Vec<_>>(),
+            [(3, 2), (2, 1), (1, 1)]
+        );
         for level in &levels {
             assert_eq!(layout.index(level.level, 0, 0) as u32, level.row * layout.stride);
         }

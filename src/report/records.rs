@@ -193,9 +193,8 @@ impl Store {
     /// The results that are there, to be looked at.
     pub fn look(folder: &Path) -> Result<Self, Diagnostic> {
         let (mut earlier, mut unreadable) = (BTreeMap::new(), Vec::new());
-        let entries = fs::read_dir(folder.join("cells")).map_err(|error| {
-            Diagnostic::input(format!("`{}` is no folder of results: {error}", folder.display()))
-        })?;
+        let entries = fs::read_dir(folder.join("cells"))
+            .map_err(|error| Diagnostic::input(format!("`{}` is no folder of results: {error}", folder.display())))?;
         for entry in entries.flatten().filter(|entry| entry.path().extension().is_some_and(|kind| kind == "json")) {
             let text = fs::read_to_string(entry.path()).unwrap_or_default();
             match serde_json::from_str::<Record>(&text) {

@@ -92,6 +92,7 @@ pub fn about(buffer: &Buffer) -> Value {
         Spread::GridPoints => "points of the projected grid",
         Spread::GridCells => "cells of the projected grid",
         Spread::Projector => "equal parts of the projector's image",
+        Spread::Rows => "rows of numbers",
         Spread::ProjectorCorners => "corners of equal parts of the projector's image",
     };
     let parts: Vec<&str> = buffer.parts.iter().map(|part| part.name).collect();

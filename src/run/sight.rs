@@ -9,9 +9,7 @@ use glam::{DVec2, DVec3, UVec2};
 
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::paint::{
-    Canvas, Colouring, Image, Lattice, Listed, MeshImage, Part, Points, Tones,
-};
+use crate::gpu::paint::{Canvas, Clip, Colouring, Image, Lattice, Listed, MeshImage, Part, Points, Tones};
 use crate::gpu::statistics::Looked;
 use crate::gpu::{Executor, Gpu, GpuError, Held};
 use crate::look::channel::{Channel, channels};
@@ -125,7 +123,8 @@ impl<'a> Sight<'a> {
         match (form, orbit) {
             (Form::Above, _) => {
                 let north_m = self.data.ground.lattice().extent_m().y;
-                let (south_west, north_east) = (DVec2::new(low.x, north_m - high.y), DVec2::new(high.x, north_m - low.y));
+                let (south_west, north_east) =
+                    (DVec2::new(low.x, north_m - high.y), DVec2::new(high.x, north_m - low.y));
                 let eye = eye_m.truncate();
                 Through { projection: Projection::plane(south_west - eye, north_east - eye), origin_m: eye_m }
             }
@@ -135,9 +134,7 @@ impl<'a> Sight<'a> {
                 let whole = Projection::camera(self.camera, eye_m);
                 Through { projection: whole.cropped(ndc(low.x, high.y), ndc(high.x, low.y)), origin_m: eye_m }
             }
-            (Form::Orbit, Some(camera)) => {
-                Through { projection: Projection::camera(camera, eye_m), origin_m: eye_m }
-            }
+            (Form::Orbit, Some(camera)) => Through { projection: Projection::camera(camera, eye_m), origin_m: eye_m },
             // the figure's first row is at the top, like that of a picture
             _ => {
                 let projection = Projection::plane(DVec2::new(low.x, high.y), DVec2::new(high.x, low.y));
@@ -179,9 +176,21 @@ impl<'a> Sight<'a> {
             };
             // over the picture, what is filled lets it through
             meshes.extend(colouring.map(|colouring| mesh(true, colouring, 0.0, form == Form::View)));
-            meshes.extend(lines.then(|| mesh(false, Colouring::One(line), 1e-4, false)));
+            meshes.extend(lines.then(|| mesh(false, Colouring::One(line), 1e-4, form == Form::View)));
         }
-        gpu.paint_meshes(canvas, over, &meshes)
+        gpu.paint_meshes(canvas, over, self.clip(canvas, form, extent), &meshes)
+    }
+
+    /// The camera's picture ends where it ends.
+    fn clip(&self, canvas: &Canvas, form: Form, extent: &Extent) -> Option<Clip> {
+        if form != Form::View {
+            return None;
+        }
+        let pixels = DVec2::new(canvas.size.0.into(), canvas.size.1.into());
+        let Extent { low, high } = self.whole(form, Part { row: 0, columns: 1, rows: 1 });
+        let corner = |at: DVec2| ((at - extent.low) / (extent.high - extent.low) * pixels).round().max(DVec2::ZERO);
+        let corner = |at: DVec2| (corner(at).x as u32, corner(at).y as u32);
+        Some(Clip { low: corner(low), high: corner(high) })
     }
 
     /// What is under a mesh: the ground from above, the picture in the view, or a colour.
@@ -298,9 +307,11 @@ pub fn picture(
     let is_picture = |form: &&Form| matches!(form, Form::Image | Form::Figure | Form::Above);
     let forms = plan.known().forms(source);
     let name = &plan.buffer(id).name;
-    let form = forms.iter().find(is_picture).copied().ok_or_else(|| {
-        Diagnostic::input(format!("`{name}` has no picture")).help("`--dump` writes its numbers")
-    })?;
+    let form = forms
+        .iter()
+        .find(is_picture)
+        .copied()
+        .ok_or_else(|| Diagnostic::input(format!("`{name}` has no picture")).help("`--dump` writes its numbers"))?;
     let ids = plan.outputs.iter().filter(|id| plan.lives(**id));
     let all: BTreeMap<BufferId, Held> = ids.map(|&id| Ok((id, executor.held(id)?))).collect::<Result<_, GpuError>>()?;
     let find = |id: BufferId| all.get(&id);

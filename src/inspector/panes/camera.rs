@@ -77,7 +77,8 @@ impl CameraPane {
             let pace = self.speed / 50.0;
             ui.add(egui::DragValue::new(&mut self.speed).speed(pace).range(1e-3..=1e7).suffix(" m/s"));
         });
-        let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width().min(320.0), 70.0), Sense::click_and_drag());
+        let (rect, response) =
+            ui.allocate_exact_size(Vec2::new(ui.available_width().min(320.0), 70.0), Sense::click_and_drag());
         ui.painter().rect_filled(rect, 4.0, ui.visuals().extreme_bg_color);
         let text = "drag here to look around; W A S D, Q and E move while the hand is here";
         ui.painter().text(
@@ -101,11 +102,8 @@ impl CameraPane {
         let drag = if response.dragged() { response.drag_delta() } else { Vec2::ZERO };
         let (keys, seconds) = ui.input(|input| {
             let down = |key| f64::from(u8::from(input.key_down(key)));
-            let keys = DVec3::new(
-                down(Key::D) - down(Key::A),
-                down(Key::E) - down(Key::Q),
-                down(Key::W) - down(Key::S),
-            );
+            let keys =
+                DVec3::new(down(Key::D) - down(Key::A), down(Key::E) - down(Key::Q), down(Key::W) - down(Key::S));
             (keys, f64::from(input.stable_dt.min(0.1)))
         });
         if keys != DVec3::ZERO {

@@ -31,9 +31,11 @@ impl ChainPane {
             return;
         };
         let total: f64 = shown.step_ms.values().sum();
-        let time = if shown.step_ms.is_empty() { String::new() } else { format!(", its steps by themselves {total:.2} ms") };
+        let time =
+            if shown.step_ms.is_empty() { String::new() } else { format!(", its steps by themselves {total:.2} ms") };
+        let made = shown.made_ms.map_or(String::new(), |ms| format!("planned and prepared in {ms:.1} ms, "));
         ui.small(format!(
-            "{} steps, {}; the frame took {:.2} ms here{time}",
+            "{} steps, {}; {made}the frame took {:.2} ms here{time}",
             shown.run_plan.steps.len(),
             crate::plan::megabytes(shown.run_plan.bytes()),
             shown.frame_ms
@@ -118,7 +120,8 @@ impl ChainPane {
             for id in written(step) {
                 let buffer = shown.run_plan.buffer(id);
                 let text = RichText::new(&buffer.name).color(Color32::from_rgb(150, 200, 130));
-                let response = ui.link(text).on_hover_text(format!("{}\nclick: see it after this step", buffer.meaning));
+                let response =
+                    ui.link(text).on_hover_text(format!("{}\nclick: see it after this step", buffer.meaning));
                 if response.clicked() || response.middle_clicked() {
                     let last = last_writer(&shown.run_plan, &buffer.name) == Some(at);
                     let of = if last { buffer.name.clone() } else { format!("{}@{name}", buffer.name) };

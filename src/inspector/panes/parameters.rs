@@ -55,6 +55,13 @@ impl ParametersPane {
                         for parameter in &group.parameters {
                             self.parameter(ui, desk, &shown, &group, parameter);
                             ui.end_row();
+                            let path = path_of(&shown, &format!("{}.{}", group.path, parameter.name));
+                            if let Some(error) = refused.filter(|error| is_about(error, &path)) {
+                                ui.label("");
+                                let text = format!("{}: {}", error.message, error.labels[0].1);
+                                ui.colored_label(Color32::LIGHT_RED, RichText::new(text).small());
+                                ui.end_row();
+                            }
                         }
                     });
                 });
@@ -71,7 +78,8 @@ impl ParametersPane {
                 count => format!("{count} changed"),
             });
             if !document.changed.is_empty() {
-                let all: Vec<String> = document.changed.iter().map(|(path, value)| format!("--set '{path}={value}'")).collect();
+                let all: Vec<String> =
+                    document.changed.iter().map(|(path, value)| format!("--set '{path}={value}'")).collect();
                 if ui.small_button("reset all").on_hover_text(all.join("\n")).clicked() {
                     self.written.clear();
                     desk.act(Action::Reset { side: self.side, path: None });
@@ -183,12 +191,16 @@ impl ParametersPane {
     }
 }
 
+/// A mistake in the value that a change gave.
+fn is_about(error: &Diagnostic, path: &str) -> bool {
+    error.labels.first().is_some_and(|(origin, _)| origin.source.text.split('=').next() == Some(path))
+}
+
 /// The path that a change has: that of the axis which varies it, if there is one.
 fn path_of(shown: &Shown, path: &str) -> String {
     let chain = &shown.wish.cell.chain;
     let chain = if chain.is_empty() { &shown.prepared.cell.chain } else { chain };
-    let experiment = shown.wish.document.read().ok();
-    experiment.and_then(|experiment| experiment.axis_over(chain, path).map(str::to_string)).unwrap_or(path.into())
+    shown.experiment.axis_over(chain, path).unwrap_or(path).to_string()
 }
 
 fn groups(shown: &Shown) -> Vec<Group<'_>> {

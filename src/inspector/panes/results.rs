@@ -41,7 +41,8 @@ impl ResultsPane {
         // the table of the last run has its cells in the order of the file
         let last = std::fs::read(folder.join("records.json")).ok();
         let last = last.and_then(|bytes| serde_json::from_slice::<Vec<Record>>(&bytes).ok());
-        let found = last.map_or_else(|| Store::look(folder).map(|store| store.all().into_iter().cloned().collect()), Ok);
+        let found =
+            last.map_or_else(|| Store::look(folder).map(|store| store.all().into_iter().cloned().collect()), Ok);
         match found {
             Ok(records) => {
                 self.error = None;
@@ -111,7 +112,8 @@ impl ResultsPane {
                     places.iter().min_by(|a, b| off(&a.1).total_cmp(&off(&b.1))).map(|(at, _)| *at)
                 })
             });
-        let on_screen = |at: &[f64; 2]| response.transform.position_from_point(&egui_plot::PlotPoint::new(at[0], at[1]));
+        let on_screen =
+            |at: &[f64; 2]| response.transform.position_from_point(&egui_plot::PlotPoint::new(at[0], at[1]));
         self.points = places.iter().map(|(at, place)| (*at, on_screen(place))).collect();
         if let Some(Some(at)) = response.inner {
             self.choose(at);

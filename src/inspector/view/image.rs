@@ -149,7 +149,8 @@ impl View {
         let minus = second.filter(|_| self.is_difference(found));
         let shown = super::Side::BOTH.map(|side| desk.shown(side).map_or(0, |shown| shown.number));
         let key = |which: usize| {
-            let parts = (&self.of, &found.channel, found.part, window.origin, window.step, tones, self.against, self.mode);
+            let parts =
+                (&self.of, &found.channel, found.part, window.origin, window.step, tones, self.against, self.mode);
             format!("{which} {shown:?} {} {parts:?}", found.form.name())
         };
         let [first_canvas, second_canvas] = &mut self.live.painted;
@@ -220,8 +221,7 @@ impl View {
             return;
         }
         let clamp = |at: f64, most: u32| at.floor().clamp(0.0, f64::from(most.saturating_sub(1))) as u32;
-        let ([left, top], [right, bottom]) =
-            (looked.element_at(looked.rect.min), looked.element_at(looked.rect.max));
+        let ([left, top], [right, bottom]) = (looked.element_at(looked.rect.min), looked.element_at(looked.rect.max));
         let (first, last) = (
             (clamp(left, found.part.columns), clamp(top, found.part.rows)),
             (clamp(right, found.part.columns), clamp(bottom, found.part.rows)),
@@ -250,6 +250,9 @@ impl View {
             let Some(line) = probed.lines.iter().find(|line| line.view == self.id) else { return };
             let at = looked.point_of([f64::from(line.element.0) + 0.5, f64::from(line.element.1) + 0.5]);
             cross(painter, at, colour);
+            if self.mode == Mode::Beside && self.against != super::Against::Nothing {
+                cross(painter, at + Vec2::new(looked.rect.width(), 0.0), colour);
+            }
         };
         desk.pins.iter().for_each(|pin| mark(pin, Color32::YELLOW));
         if desk.pointer.is_some()

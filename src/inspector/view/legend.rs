@@ -64,16 +64,22 @@ impl View {
         let colour = if difference.beyond > 0 { Color32::LIGHT_RED } else { Color32::from_rgb(150, 200, 130) };
         let text = format!(
             "{} values compared with f64: {} beyond their bounds, largest difference {:.3e} ({:.2} of its bound); {} undecided",
-            difference.compared, difference.beyond, difference.largest, difference.largest_of_bound, difference.undecided
+            difference.compared,
+            difference.beyond,
+            difference.largest,
+            difference.largest_of_bound,
+            difference.undecided
         );
         ui.small(egui::RichText::new(text).color(colour));
     }
 
     /// The value under the hand, or at the place where it is in another view.
     fn pointed(&self, ui: &mut Ui, desk: &Desk) {
-        let line = desk.pointer.as_ref().and(desk.probed.as_ref()).and_then(|probed| {
-            probed.lines.iter().find(|line| line.view == self.id)
-        });
+        let line = desk
+            .pointer
+            .as_ref()
+            .and(desk.probed.as_ref())
+            .and_then(|probed| probed.lines.iter().find(|line| line.view == self.id));
         let text = line.map_or(String::new(), |line| {
             let numbers: Vec<String> = line.numbers.iter().map(|(name, text)| format!("{name} {text}")).collect();
             format!("row {}, column {}: {}", line.element.1, line.element.0, numbers.join(", "))

@@ -8,6 +8,8 @@ mod plot;
 mod space;
 mod table;
 
+use std::time::{Duration, Instant};
+
 use serde::{Deserialize, Serialize};
 
 use super::ask::{Ask, Seen, Values};
@@ -102,6 +104,9 @@ pub struct Orbit {
     pub target_m: [f64; 3],
 }
 
+/// Values are looked at no more often.
+const STATISTICS_EVERY: Duration = Duration::from_millis(200);
+
 /// All that is kept of a view.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct View {
@@ -137,6 +142,9 @@ struct Live {
     /// What was asked about, with the number of the question.
     asked: Option<(u64, SeenKey)>,
     seen_for: Option<SeenKey>,
+    asked_at: Option<Instant>,
+    /// What is shown is newer than what is known of its values.
+    waits: bool,
     rows: table::Rows,
     trouble: Option<String>,
     /// What is seen of a plane, and where in the window.
@@ -224,6 +232,9 @@ impl View {
     pub(super) fn found(&self, desk: &Desk) -> Result<Found, String> {
         let shown = desk.shown(self.side).ok_or("nothing is shown yet")?;
         let held = held_of(shown, &self.of).ok_or_else(|| match &self.of {
+            Of::Buffer(name) if shown.wish.buffers.contains(name) => {
+                format!("the chain `{}` has no `{name}`", shown.plan.chain)
+            }
             Of::Buffer(name) => format!("`{name}` is on its way"),
             _ => "the ground truth is on its way".into(),
         })?;
@@ -316,6 +327,11 @@ impl View {
         }
     }
 
+    /// Something about what it shows is not known yet.
+    pub fn waits(&self) -> bool {
+        self.live.waits
+    }
+
     /// Where an element is in the window, if it is seen as one.
     pub fn point_of(&self, element: (u32, u32)) -> Option<egui::Pos2> {
         let looked = self.live.looked.as_ref()?;
@@ -351,6 +367,7 @@ impl View {
     fn keep_seen(&mut self, desk: &mut Desk, found: &Found) {
         if found.channel.kind == Kind::Colour && !self.is_difference(found) {
             self.live.seen = None;
+            self.live.waits = false;
             return;
         }
         if let Some((number, key)) = self.live.asked.clone()
@@ -377,7 +394,12 @@ impl View {
             range: self.range,
             scale: self.scale,
         };
-        if self.live.seen_for.as_ref() != Some(&key) && self.live.asked.is_none() {
+        let is_known = self.live.seen_for.as_ref() == Some(&key);
+        self.live.waits = !is_known;
+        // while frames come one after another, they go before what their values are like
+        let is_time = self.live.asked_at.is_none_or(|at| at.elapsed() >= STATISTICS_EVERY);
+        if !is_known && self.live.asked.is_none() && is_time {
+            self.live.asked_at = Some(Instant::now());
             let of = self.values(found);
             let number = desk.ask(Ask::Statistics { of, range: self.range, scale: self.scale });
             self.live.asked = Some((number, key));

@@ -33,7 +33,10 @@ impl View {
         let orbit = self.orbit.unwrap_or_else(|| default_orbit(&shown)).camera(rect);
         let through = sight.through(found.form, &extent, Some(&orbit));
         let style = Style { lines: self.lines, filled: self.filled, tones: self.tones(found) };
-        let key = format!("{} {:?} {:?} {through:?} {extent:?} {style:?} {:?}", shown.number, self.of, found.form, found.channel);
+        let key = format!(
+            "{} {:?} {:?} {through:?} {extent:?} {style:?} {:?}",
+            shown.number, self.of, found.form, found.channel
+        );
         let seen = Seen { held: &found.held, channel: &found.channel, source: found.source };
         let [canvas, _] = &mut self.live.painted;
         let done = painted(canvas, desk, pixels, key, |canvas| {

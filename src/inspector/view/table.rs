@@ -90,11 +90,8 @@ impl View {
             lines as usize + 1,
             |ui, range| {
                 let (from, to) = (range.start.saturating_sub(1) as u32, (range.end as u32).min(lines).max(1) - 1);
-                let (first, last) = if is_map {
-                    ((0, from), (columns - 1, to.max(from)))
-                } else {
-                    ((from, 0), (to.max(from), 0))
-                };
+                let (first, last) =
+                    if is_map { ((0, from), (columns - 1, to.max(from))) } else { ((from, 0), (to.max(from), 0)) };
                 if range.start == 0 {
                     ui.monospace(self.header(found, is_map, columns));
                 }

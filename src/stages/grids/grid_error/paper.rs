@@ -3,8 +3,8 @@
 use super::Inputs;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
-use crate::plan::{Chain, Spread};
 use crate::plan::product::{Grid, Mesh, PointErrors, Promise};
+use crate::plan::{Chain, Spread};
 
 pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), Diagnostic> {
     let dims = [inputs.size.y, inputs.size.x];

@@ -3,8 +3,8 @@
 use super::Inputs;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
-use crate::plan::{Chain, Spread};
 use crate::plan::product::{Grid, Mesh, Promise};
+use crate::plan::{Chain, Spread};
 use crate::stages::shared::rounding::PROOF_SNAP_PX;
 
 const KERNEL: &str = "grids/grid_error_proven.wgsl";

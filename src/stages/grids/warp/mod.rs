@@ -106,6 +106,7 @@ impl Warp {
         let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go");
         let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go");
         let map = chain.make("warp_map", Elem::Vec2F32, &[high, wide], "", "where the map's corners go");
+        [rows, columns].into_iter().for_each(|id| chain.set_spread(id, Spread::Rows));
         chain.set_spread(map, Spread::ProjectorCorners);
         let meaning = "how much of the warp keeps every cell convex, as the bits of an f32";
         let share = chain.make("warp_share", Elem::U32, &[1], "", meaning);

@@ -40,9 +40,15 @@ enum Differences {
 impl Stage for Slope {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let size = chain.lattice().size;
-        let slope = chain.make_over("slope", Elem::F32, Spread::Samples, "degrees", "angle of the ground with a level plane");
-        let aspect =
-            chain.make_over("aspect", Elem::F32, Spread::Samples, "degrees", "the way the ground falls, clockwise from north");
+        let slope =
+            chain.make_over("slope", Elem::F32, Spread::Samples, "degrees", "angle of the ground with a level plane");
+        let aspect = chain.make_over(
+            "aspect",
+            Elem::F32,
+            Spread::Samples,
+            "degrees",
+            "the way the ground falls, clockwise from north",
+        );
         chain.set_missing_below_zero(aspect);
         let kernel = chain.kernel("maps/slope.wgsl")?;
         chain

@@ -8,8 +8,8 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::experiment::scene::Light;
 use crate::kernel::{Elem, Packing};
-use crate::plan::{Chain, Spread};
 use crate::plan::product::{Drawn, Picture, what};
+use crate::plan::{Chain, Spread};
 use crate::scene::COLOUR_MAP;
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -77,8 +77,7 @@ impl Stage for Shade {
             (_, false) => chain.leave_out("the colour ramp", "`tint: false`", 0, pixels),
             (None, true) => {}
         }
-        let colour =
-            chain.make_over("colour", Elem::U32, Spread::Pixels, "rgba8", "picture, red in the lowest byte");
+        let colour = chain.make_over("colour", Elem::U32, Spread::Pixels, "rgba8", "picture, red in the lowest byte");
         chain.set_packing(colour, Packing::Bytes);
         let kernel = chain.kernel("picture/shade.wgsl")?;
         chain

@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::{Chain, Spread};
 use crate::plan::product::{NodeRanges, what};
+use crate::plan::{Chain, Spread};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -34,7 +34,8 @@ pub struct HeightPyramid {
 impl Stage for HeightPyramid {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (bounds, mean) = (chain.lattice().cells(), chain.lattice().means());
-        let highest = chain.make_over("height_max", Elem::F32, Spread::Nodes(bounds), "m", "maximum pyramid over cells");
+        let highest =
+            chain.make_over("height_max", Elem::F32, Spread::Nodes(bounds), "m", "maximum pyramid over cells");
         let lowest = chain.make_over("height_min", Elem::F32, Spread::Nodes(bounds), "m", "minimum pyramid over cells");
         chain.offer(NodeRanges { lowest, highest });
         let means = chain.make_over("height_mean", Elem::F32, Spread::Nodes(mean), "m", "mean pyramid over samples");

@@ -8,8 +8,8 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::Chain;
-use crate::plan::spread::Part;
 use crate::plan::product::{Blocks, List, Mesh, what};
+use crate::plan::spread::Part;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
