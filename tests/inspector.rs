@@ -487,3 +487,46 @@ fn every_experiment_that_ships_is_shown() {
         assert!(window.harness.state().desk().shown(Side::A).is_some(), "{}", shipped.path.display());
     }
 }
+
+/// What takes long says how far it is, and ends when it is told to; what was shown stays.
+#[test]
+fn long_work_is_cancelled() {
+    let (_folder, path) = experiment(&format!(
+        "Experiment(scene: ({}), chains: {{\"a\": [HeightPyramid, Roughness, VertexSplitting(start: LastFrame), TriangleSplitting, Rasterize]}}, \
+         measure: [Time])",
+        SCENE.replace("frames: 3", "frames: 50000")
+    ));
+    let mut window = Window::open(&path);
+    let before = window.shown().number;
+    window.harness.state_mut().act(Action::Move(Moment::Frame(49_999)));
+    let start = Instant::now();
+    while window.harness.query_by_label("cancel").is_none() {
+        window.harness.step();
+        assert!(start.elapsed() < Duration::from_secs(60), "nothing says that it works");
+    }
+    window.harness.get_by_label("cancel").click();
+    window.settle();
+    assert_eq!(window.harness.state().refused(Side::A).unwrap().message, "cancelled");
+    assert_eq!(window.shown().number, before);
+    window.act(Action::Move(Moment::Frame(1)));
+    assert!(window.harness.state().refused(Side::A).is_none());
+}
+
+/// A device that is gone is told, and the window is still there.
+#[test]
+fn a_lost_device() {
+    let (_folder, path) = experiment(&format!(
+        "Experiment(scene: ({SCENE}), chains: {{\"a\": [HeightPyramid, RayCast, Shade]}}, measure: [Time])"
+    ));
+    let mut window = Window::open(&path);
+    window.harness.state().desk().gpu.device.destroy();
+    window.harness.state_mut().act(Action::Set { side: Side::A, path: "scene.fov_deg".into(), value: "40".into() });
+    for _ in 0..60 {
+        window.harness.step();
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let app = window.harness.state();
+    let told = app.refused(Side::A).is_some() || app.said().is_some_and(Result::is_err);
+    assert!(told, "nobody says that the device is gone");
+    assert!(app.desk().shown(Side::A).is_some());
+}

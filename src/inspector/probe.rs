@@ -163,6 +163,7 @@ impl Prober<'_> {
         let centre = element.as_dvec2() + 0.5;
         match from.values.held.about.spread {
             Spread::Pixels => self.spot_of_pixel(centre),
+            Spread::Tiles(side) => self.spot_of_pixel(centre * f64::from(side)),
             Spread::Samples => self.spot_of_sample(element.as_dvec2()),
             Spread::Nodes(_) => self.spot_of_sample(centre * f64::from(from.side)),
             Spread::GridPoints | Spread::GridCells => self.spot_of_grid(element),
@@ -265,6 +266,7 @@ impl Prober<'_> {
         };
         match held.about.spread {
             Spread::Pixels => whole(spot.pixel?),
+            Spread::Tiles(side) => whole(spot.pixel? / f64::from(side.max(1))),
             Spread::Samples => whole(spot.sample? + 0.5),
             Spread::Nodes(_) => whole(spot.sample? / f64::from(view.side.max(1))),
             Spread::GridPoints => spot.grid.map(|grid| (grid.x, grid.y)),

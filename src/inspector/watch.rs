@@ -42,8 +42,6 @@ impl Watch {
                 }
             }
         }
-        let experiment = shown.wish.document.path.clone();
-        self.files.retain(|path, _| *path != experiment);
     }
 
     /// Whether a file was written since the last look.

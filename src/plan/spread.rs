@@ -14,6 +14,8 @@ pub enum Spread {
     Numbers,
     /// The picture's pixels; row 0 is the top.
     Pixels,
+    /// Square tiles of so many pixels a side.
+    Tiles(u32),
     /// The ground's samples; row 0 is north.
     Samples,
     /// The nodes of a pyramid over the ground, level by level in one buffer.

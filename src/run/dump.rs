@@ -87,6 +87,7 @@ pub fn about(buffer: &Buffer) -> Value {
     let over = match buffer.spread {
         Spread::Numbers => "numbers",
         Spread::Pixels => "pixels, row 0 at the top",
+        Spread::Tiles(_) => "tiles of pixels, row 0 at the top",
         Spread::Samples => "samples of the ground, row 0 in the north",
         Spread::Nodes(_) => "nodes of a pyramid, level by level",
         Spread::GridPoints => "points of the projected grid",

@@ -7,7 +7,7 @@ use glam::UVec2;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::product::NodeRanges;
-use crate::plan::{BufferId, Chain, StepBuilder};
+use crate::plan::{BufferId, Chain, Spread, StepBuilder};
 
 /// Pixels a side of the tiles whose rays are led to the surface together; `TILE` of the kernel.
 pub const TILE: u32 = 8;
@@ -51,6 +51,7 @@ pub fn lead_tiles(chain: &mut Chain) -> Result<Option<BufferId>, Diagnostic> {
     let tiles = tiles(chain);
     let start =
         chain.make("clear_until", Elem::F32, &[tiles.y, tiles.x], "", "a t all rays of a tile reach without a hit");
+    chain.set_spread(start, Spread::Tiles(TILE));
     let kernel = chain.kernel("rays/ray_cast.wgsl")?;
     step(chain, "coarse", &kernel, "coarse").bind("clear_until", start).over(tiles)?;
     Ok(Some(start))
