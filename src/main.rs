@@ -96,7 +96,9 @@ enum Command {
 
 #[derive(clap::Args)]
 struct Inspect {
+    /// The experiment
     file: Option<PathBuf>,
+    /// Sets a parameter, as for run
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
     /// The adapter whose name contains this
@@ -124,8 +126,8 @@ struct Inspect {
     #[arg(long, value_name = "N")]
     level: Option<u32>,
     /// The lowest and the highest value that colours tell apart
-    #[arg(long, value_name = "LOW,HIGH", value_delimiter = ',', num_args = 2, allow_hyphen_values = true)]
-    range: Vec<f32>,
+    #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = read_range)]
+    range: Option<(f32, f32)>,
     /// What the buffers are compared with: f64, truth
     #[arg(long, value_name = "WHAT")]
     against: Option<String>,
@@ -149,6 +151,12 @@ fn read_size(text: &str) -> Result<(u32, u32), String> {
     Ok((side(width)?, side(height)?))
 }
 
+fn read_range(text: &str) -> Result<(f32, f32), String> {
+    let numbers =
+        text.split_once(',').and_then(|(low, high)| Some((low.trim().parse().ok()?, high.trim().parse().ok()?)));
+    numbers.ok_or_else(|| "expected LOW,HIGH".to_string())
+}
+
 #[cfg(not(feature = "inspector"))]
 fn inspect(_wanted: Inspect) -> Result<(), Diagnostic> {
     Err(Diagnostic::input("this lodlab was built without the inspector")
@@ -169,7 +177,7 @@ fn inspect(wanted: Inspect) -> Result<(), Diagnostic> {
         after: wanted.after,
         frame: wanted.frame,
         form: wanted.look,
-        range: <[f32; 2]>::try_from(wanted.range).ok().map(|[low, high]| (low, high)),
+        range: wanted.range,
         level: wanted.level,
         against: wanted.against,
         only_views: wanted.only_views,

@@ -3,8 +3,6 @@
 use super::execute::Executor;
 use super::memory::{Place, make_buffer};
 use super::{Gpu, GpuError, readback};
-use crate::kernel::{Elem, Packing};
-use crate::plan::spread::Part;
 use crate::plan::{Buffer, BufferId};
 
 /// A buffer on the device, and how to read it. It stays what it is for as long as it is held, but a frame that runs changes what is in it.
@@ -37,18 +35,6 @@ impl Held {
             [rows, columns] => (columns, rows),
             _ => (self.length.min(self.about.elements()) as u32, 1),
         }
-    }
-
-    pub fn elem(&self) -> Elem {
-        self.about.elem
-    }
-
-    pub fn packing(&self) -> Packing {
-        self.about.packing
-    }
-
-    pub fn parts(&self) -> &'static [Part] {
-        self.about.parts
     }
 
     /// The bytes of some elements of a row, as they are now.
@@ -117,7 +103,7 @@ impl Executor {
         Ok((buffer, row / each))
     }
 
-    /// Replaces some elements of a buffer, which a step has made: `None` stays as it is.
+    /// Puts other contents into a buffer that a step has made.
     pub fn replace(&self, id: BufferId, bytes: &[u8]) -> Result<(), GpuError> {
         let place = self.memory.place(&self.plan, id, self.half());
         let Some(array) = place.and_then(Place::array) else {

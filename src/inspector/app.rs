@@ -120,6 +120,13 @@ impl App {
                     wanted.refused = None;
                 }
                 self.desk.shown = [None, None];
+                // another ground, and most often other buffers
+                for (at, view) in self.views_mut().into_iter().enumerate() {
+                    (view.place, view.orbit) = (None, None);
+                    if at < USUAL {
+                        view.turn_to(Side::A, Of::Buffer(String::new()));
+                    }
+                }
                 self.moment = Moment::Frame(0);
                 self.desk.on_cpu.clear();
                 self.desk.pins.clear();
@@ -157,7 +164,10 @@ impl App {
             }
             Action::Open(path) => self.open(&path),
             Action::SaveAs(path) => self.save_as(&path),
-            Action::OpenResults(folder) => self.results.open(&folder),
+            Action::OpenResults(folder) => {
+                self.results.open(&folder);
+                self.layout.tree.make_active(|_, tile| matches!(tile, egui_tiles::Tile::Pane(Pane::Results)));
+            }
             Action::Say(said) => self.said = Some(said),
             Action::InF64(in_f64) => self.desk.in_f64 = in_f64,
             Action::Truth(truth) => self.desk.truth = truth,
@@ -257,7 +267,7 @@ impl App {
                 Told::Shown(side, shown) => self.take(side, shown),
                 Told::Refused(side, wish, error) => {
                     let wanted = &mut self.wanted[side as usize];
-                    if wanted.sent.as_ref() == Some(&wish) {
+                    if wanted.sent.as_ref() == Some(wish.as_ref()) {
                         wanted.refused = Some(error);
                     }
                 }
@@ -679,9 +689,12 @@ fn views_of(layout: &mut Layout) -> Vec<&mut View> {
     views
 }
 
+/// So many views are of what a chain is for, until somebody chooses something else.
+const USUAL: usize = 2;
+
 /// What the views of a new window are of: the chain's picture (or whatever it makes last), and the mesh that it draws (or the distances, or
 /// the ground).
-fn usual(shown: &Shown) -> [Of; 2] {
+fn usual(shown: &Shown) -> [Of; USUAL] {
     let plan = &shown.run_plan;
     let name = |id: BufferId| plan.buffer(id).name.clone();
     let last = plan.steps.last().and_then(|step| step.writes.first().copied());

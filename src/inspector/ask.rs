@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::probe::{Asked, Where};
 use super::wish::Shown;
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::paint::{Part, Tones};
+use crate::gpu::paint::{Canvas, Part, Tones};
 use crate::gpu::statistics::{Looked, Statistics};
 use crate::gpu::{Gpu, Held};
 use crate::look::scale::Scaled;
@@ -16,13 +16,33 @@ use crate::look::{Channel, Colours, Range, Scale};
 #[derive(Clone)]
 pub enum Ask {
     /// What values are like, and the range in which they are shown.
-    Statistics { of: Values, range: Range, scale: Scale },
+    Statistics {
+        of: Values,
+        range: Range,
+        scale: Scale,
+    },
     /// The bytes of some elements of a row, or of some rows.
-    Bytes { held: Held, at: (u32, u32), elements: u32 },
+    Bytes {
+        held: Held,
+        at: (u32, u32),
+        elements: u32,
+    },
     /// A place in everything that is shown.
-    Probe { shown: Arc<Shown>, from: Asked, at: Where, views: Vec<Asked> },
-    /// A file of what is shown.
-    Export { held: Held, path: PathBuf },
+    Probe {
+        shown: Arc<Shown>,
+        from: Asked,
+        at: Where,
+        views: Vec<Asked>,
+    },
+    /// A file of the values, and one of the picture.
+    Export {
+        held: Held,
+        path: PathBuf,
+    },
+    Picture {
+        canvas: Arc<Canvas>,
+        path: PathBuf,
+    },
 }
 
 /// Values that are looked at.

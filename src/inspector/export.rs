@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use crate::experiment::diagnostic::Diagnostic;
+use crate::gpu::paint::Canvas;
 use crate::gpu::{Gpu, Held};
 use crate::report::pictures;
 use crate::run::dump;
@@ -23,6 +24,12 @@ pub fn export(gpu: &Gpu, held: &Held, path: &Path) -> Result<String, Diagnostic>
                 .help("its name ends in .npy or .csv; a picture is .png"));
         }
     }
+    Ok(format!("wrote {}", path.display()))
+}
+
+/// Writes what is painted as `.png`.
+pub fn canvas(gpu: &Gpu, canvas: &Canvas, path: &Path) -> Result<String, Diagnostic> {
+    picture(path, canvas.size.0, &canvas.read(gpu)?)?;
     Ok(format!("wrote {}", path.display()))
 }
 

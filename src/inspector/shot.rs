@@ -153,8 +153,8 @@ impl Shot {
     /// Refuses buffers that the chain does not have.
     fn check(&self, app: &App) -> Result<(), Diagnostic> {
         let Some(shown) = app.desk().shown(Side::A) else { return Ok(()) };
-        let absent = shown.wish.buffers.iter().filter(|name| !name.is_empty() && shown.held(name).is_none());
-        absent.map(|name| shown.plan.find(name).map(|_| ())).collect()
+        let mut absent = shown.wish.buffers.iter().filter(|name| !name.is_empty() && shown.held(name).is_none());
+        absent.try_for_each(|name| shown.plan.find(name).map(|_| ()))
     }
 
     /// Draws until nothing is on its way.

@@ -140,7 +140,7 @@ impl Shown {
 pub enum Told {
     Shown(Side, Arc<Shown>),
     /// A wish that cannot be fulfilled; what was shown stays.
-    Refused(Side, Wish, Diagnostic),
+    Refused(Side, Box<Wish>, Diagnostic),
     Working {
         what: String,
         share: Option<f32>,

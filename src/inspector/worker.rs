@@ -63,7 +63,7 @@ impl Worker {
     pub fn told(&mut self) -> Vec<Told> {
         let told: Vec<Told> = self.from.try_iter().collect();
         let done = |told: &Told| if let Told::Idle(done) = told { Some(*done) } else { None };
-        self.done = told.iter().filter_map(done).last().unwrap_or(self.done);
+        self.done = told.iter().rev().find_map(done).unwrap_or(self.done);
         told
     }
 
@@ -155,7 +155,7 @@ fn work(gpu: &Arc<Gpu>, sent: &Receiver<Sent>, tell: &Sender<Told>, stop: &Atomi
             let Some(wish) = todo.wishes[side as usize].take() else { continue };
             match subjects[side as usize].update(&wish, &work) {
                 Ok(shown) => say(Told::Shown(side, shown)),
-                Err(error) => say(Told::Refused(side, *wish, error)),
+                Err(error) => say(Told::Refused(side, wish, error)),
             }
         } else if !todo.asks.is_empty() {
             let (number, ask) = todo.asks.remove(0);
@@ -176,6 +176,7 @@ fn answer(gpu: &Gpu, ask: &Ask) -> Answer {
         Ask::Statistics { of, range, scale } => Answer::Statistics(of.seen(gpu, *range, *scale)),
         Ask::Bytes { held, at, elements } => Answer::Bytes(held.read(gpu, *at, *elements).map_err(Diagnostic::from)),
         Ask::Probe { shown, from, at, views } => Answer::Probed(probe::probe(gpu, shown, from, *at, views)),
+        Ask::Picture { canvas, path } => Answer::Done(export::canvas(gpu, canvas, path)),
         Ask::Export { held, path } => Answer::Done(export::export(gpu, held, path)),
     }
 }

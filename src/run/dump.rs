@@ -3,6 +3,8 @@
 //! A buffer is an `.npy`: C order, `[rows, cols(, components)]`, what is missing as NaN, what is packed unpacked. Beside it stand
 //! `BUFFER.json`, which says what its numbers are and where the levels of a pyramid lie, and `camera.json` with the camera of each frame.
 
+use std::num::NonZeroUsize;
+
 use npyz::WriterBuilder;
 use serde_json::{Value, json};
 
@@ -67,15 +69,15 @@ pub fn csv(buffer: &Buffer, bytes: &[u8]) -> Result<Vec<u8>, Diagnostic> {
         channels(buffer).into_iter().filter(|c| c.kind != Kind::Colour && !c.name.ends_with("as f32")).collect();
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(bytes);
     let columns = match buffer.dims[..] {
-        [_, columns] => columns as usize,
-        _ => 0,
+        [_, columns] => NonZeroUsize::new(columns as usize),
+        _ => None,
     };
     let mut table = csv::Writer::from_writer(Vec::new());
-    let place = if columns > 0 { vec!["row", "column"] } else { vec!["number"] };
+    let place = if columns.is_some() { vec!["row", "column"] } else { vec!["number"] };
     let header = place.into_iter().map(String::from).chain(channels.iter().map(|channel| channel.name.clone()));
     table.write_record(header).map_err(refuse)?;
     for (at, words) in words.chunks_exact(buffer.elem.components() as usize).enumerate() {
-        let place = if columns > 0 { vec![at / columns, at % columns] } else { vec![at] };
+        let place = columns.map_or(vec![at], |columns| vec![at / columns, at % columns]);
         let place = place.into_iter().map(|number| number.to_string());
         table.write_record(place.chain(channels.iter().map(|channel| channel.text(words)))).map_err(refuse)?;
     }

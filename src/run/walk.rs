@@ -119,8 +119,8 @@ pub fn find_stages(cell: &Cell, names: &[String]) -> Vec<usize> {
 /// The buffer of a name that a stage writes and that has memory.
 fn made(plan: &Plan, stage_index: usize, name: &str) -> Option<BufferId> {
     let own = plan.steps.iter().filter(|step| step.stage_index == stage_index && !step.is_tap());
-    let written = own.flat_map(|step| step.writes.iter().copied());
-    written.filter(|id| plan.buffer(*id).name == name && plan.lives(*id)).last()
+    let mut written = own.flat_map(|step| step.writes.iter().copied());
+    written.rfind(|id| plan.buffer(*id).name == name && plan.lives(*id))
 }
 
 /// What is written to the device in the place of what is there: what the reference has, and else what is there.

@@ -3,9 +3,9 @@
 use egui::{Key, RichText, Sense, Ui, Vec2};
 use glam::{DMat3, DVec3};
 
-use super::super::desk::{Action, Desk};
-use super::super::wish::{Moment, Shown, Side};
 use crate::camera::Camera;
+use crate::inspector::desk::{Action, Desk};
+use crate::inspector::wish::{Moment, Shown, Side};
 
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct CameraPane {
@@ -88,10 +88,9 @@ impl CameraPane {
             egui::FontId::proportional(10.0),
             ui.visuals().weak_text_color(),
         );
-        if response.hovered() || response.dragged() {
-            if let Some(camera) = self.moved(ui, shown, &response) {
-                desk.act(Action::Move(Moment::Live(camera)));
-            }
+        let is_here = response.hovered() || response.dragged();
+        if let Some(camera) = is_here.then(|| self.moved(ui, shown, &response)).flatten() {
+            desk.act(Action::Move(Moment::Live(camera)));
         }
         self.numbers(ui, desk, shown);
     }

@@ -2,9 +2,9 @@
 
 use egui::{Color32, RichText, ScrollArea, Sense, Ui, Vec2};
 
-use super::super::desk::{Action, Desk};
-use super::super::view::Of;
-use super::super::wish::{Shown, Side};
+use crate::inspector::desk::{Action, Desk};
+use crate::inspector::view::Of;
+use crate::inspector::wish::{Shown, Side};
 use crate::plan::{BufferId, Often, Plan, Step, step_names};
 use crate::stages;
 

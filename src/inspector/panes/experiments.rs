@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use egui::{RichText, ScrollArea, Ui};
 
-use super::super::desk::{Action, Desk};
+use crate::inspector::desk::{Action, Desk};
 
 /// An experiment file and the first line of what is said about it.
 #[derive(Clone, Debug, PartialEq)]

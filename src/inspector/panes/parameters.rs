@@ -2,12 +2,12 @@
 
 use egui::{Color32, ComboBox, DragValue, RichText, ScrollArea, Ui};
 
-use super::super::desk::{Action, Desk};
-use super::super::wish::{Shown, Side};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::{Parameter, ParameterKind, describe};
 use crate::experiment::scene;
 use crate::experiment::tree::Node;
+use crate::inspector::desk::{Action, Desk};
+use crate::inspector::wish::{Shown, Side};
 use crate::{measure, stages};
 
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]

@@ -2,7 +2,7 @@
 
 use egui::{RichText, ScrollArea, Ui};
 
-use super::super::desk::Desk;
+use crate::inspector::desk::Desk;
 
 pub fn ui(ui: &mut Ui, desk: &mut Desk) {
     ui.small("point at a view: the same place is marked in all others; a click pins it");

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use egui::{RichText, ScrollArea, Ui};
 use egui_plot::{GridMark, MarkerShape, Plot, PlotPoints, Points};
 
-use super::super::desk::{Action, Desk};
-use super::super::wish::{CellName, Side};
 use crate::experiment::diagnostic::Diagnostic;
+use crate::inspector::desk::{Action, Desk};
+use crate::inspector::wish::{CellName, Side};
 use crate::report::records::{Record, Store};
 use crate::report::table;
 
@@ -20,6 +20,19 @@ pub struct ResultsPane {
     picture: Option<(String, egui::TextureHandle)>,
     /// Where the point of each cell is in the window.
     points: Vec<(usize, egui::Pos2)>,
+}
+
+/// Lines at 1, 2 and 5 of each decade, where there is room for them.
+fn marks(input: egui_plot::GridInput) -> Vec<GridMark> {
+    let (from, to) = input.bounds;
+    let decades = (from.floor() as i32).max(-300)..=(to.ceil() as i32).min(300);
+    let each: &[f64] = match to - from {
+        span if span < 1.0 => &[1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        span if span < 6.0 => &[1.0, 2.0, 5.0],
+        _ => &[1.0],
+    };
+    let mark = |decade: i32, digit: f64| GridMark { value: f64::from(decade) + digit.log10(), step_size: 1.0 };
+    decades.flat_map(|decade| each.iter().map(move |digit| mark(decade, *digit))).collect()
 }
 
 impl ResultsPane {
@@ -83,7 +96,12 @@ impl ResultsPane {
             self.records.iter().enumerate().filter_map(|(at, record)| Some((at, place(record)?))).collect();
         let label = |mark: GridMark| {
             let value = 10f64.powf(mark.value);
-            if (1e-3..1e4).contains(&value) { format!("{value:.3}") } else { format!("{value:.0e}") }
+            // a rounded logarithm leads back to a rounded value
+            if (1e-3..1e4).contains(&value) {
+                format!("{}", (value * 1e6).round() / 1e6)
+            } else {
+                format!("{value:.0e}")
+            }
         };
         let mut chains: Vec<&str> = self.records.iter().map(|record| record.chain.as_str()).collect();
         chains.dedup();
@@ -93,6 +111,8 @@ impl ResultsPane {
             .legend(egui_plot::Legend::default())
             .x_axis_label("ms a frame")
             .y_axis_label("mean error, px")
+            .x_grid_spacer(marks)
+            .y_grid_spacer(marks)
             .x_axis_formatter(move |mark, _| label(mark))
             .y_axis_formatter(move |mark, _| label(mark))
             .show(ui, |plot| {

@@ -2,9 +2,9 @@
 
 use egui::{Color32, ComboBox, RichText, ScrollArea, Ui};
 
-use super::super::desk::Desk;
-use super::super::wish::Side;
 use crate::experiment::diagnostic::{Diagnostic, Source};
+use crate::inspector::desk::Desk;
+use crate::inspector::wish::Side;
 use crate::kernel::Kernel;
 
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]

@@ -2,10 +2,10 @@
 
 use egui::{ComboBox, Ui};
 
-use super::super::ask::Ask;
-use super::super::desk::{Action, Desk};
-use super::super::wish::{Shown, Side};
 use super::{Against, Found, Mode, Of, View};
+use crate::inspector::ask::Ask;
+use crate::inspector::desk::{Action, Desk};
+use crate::inspector::wish::{Shown, Side};
 use crate::look::{Colours, Form, Range, Scale};
 use crate::plan::step_names;
 
@@ -189,7 +189,7 @@ impl View {
         }
     }
 
-    fn export(&mut self, ui: &mut Ui, desk: &mut Desk, found: &Found) {
+    fn export(&self, ui: &mut Ui, desk: &mut Desk, found: &Found) {
         ui.menu_button("export", |ui| {
             let stem = self.of.name().replace(['/', ' ', ':', '@', '#'], "_");
             for kind in ["npy", "csv"] {
@@ -199,26 +199,12 @@ impl View {
                     ui.close();
                 }
             }
-            if ui.button(format!("picture as {stem}.png")).clicked() {
-                let done = self.save_picture(desk, format!("{stem}.png").as_ref());
-                desk.act(Action::Say(done));
+            let painted = self.live.painted[0].as_ref();
+            if let Some(painted) = painted.filter(|_| ui.button(format!("picture as {stem}.png")).clicked()) {
+                desk.ask(Ask::Picture { canvas: painted.canvas.clone(), path: format!("{stem}.png").into() });
                 ui.close();
             }
         });
-    }
-
-    /// What is painted, as a file.
-    pub fn save_picture(
-        &self,
-        desk: &Desk,
-        path: &std::path::Path,
-    ) -> Result<String, crate::experiment::diagnostic::Diagnostic> {
-        let Some(painted) = &self.live.painted[0] else {
-            return Err(crate::experiment::diagnostic::Diagnostic::input("this view has no picture"));
-        };
-        let pixels = painted.canvas.read(&desk.gpu)?;
-        super::super::export::picture(path, painted.canvas.size.0, &pixels)?;
-        Ok(format!("wrote {}", path.display()))
     }
 }
 

@@ -2,12 +2,13 @@
 
 use egui::{Color32, Pos2, Rect, Sense, Ui, Vec2};
 
-use super::super::ask::Ask;
-use super::super::desk::Desk;
-use super::super::probe::Where;
-use super::super::wish::Answer;
-use super::paint::{Window, image, painted};
+use super::paint::painted;
 use super::{Found, Mode, Place, View};
+use crate::gpu::paint::Image;
+use crate::inspector::ask::Ask;
+use crate::inspector::desk::Desk;
+use crate::inspector::probe::Where;
+use crate::inspector::wish::Answer;
 use crate::look::Form;
 use crate::look::channel::Kind;
 use crate::run::sight::Extent;
@@ -41,11 +42,11 @@ impl Looked {
         Extent { low, high }
     }
 
-    /// Where the canvas' corner is, and elements a pixel of it.
-    pub fn window(&self, pixels_per_point: f32) -> Window {
+    /// Where the canvas' corner is, in elements, and elements a pixel of it.
+    fn origin_and_step(&self, pixels_per_point: f32) -> ([f32; 2], [f32; 2]) {
         let [x, y] = self.element_at(self.rect.min);
         let step = (1.0 / self.place.scale) as f32 / pixels_per_point;
-        Window { origin: [x as f32, y as f32], step: [step; 2] }
+        ([x as f32, y as f32], [step; 2])
     }
 }
 
@@ -97,7 +98,8 @@ pub fn fitted(rect: Rect, columns: f64, rows: f64) -> Place {
 impl View {
     pub(super) fn image(&mut self, ui: &mut Ui, desk: &mut Desk, found: &Found) {
         let is_picture = found.channel.kind == Kind::Colour && !self.is_difference(found);
-        let (rect, response, pixels) = area(ui, if is_picture { 18.0 } else { 74.0 });
+        let told = if self.against == super::Against::F64 { 18.0 } else { 0.0 };
+        let (rect, response, pixels) = area(ui, told + if is_picture { 18.0 } else { 74.0 });
         let all = fitted(rect, found.part.columns.into(), found.part.rows.into());
         let place = moved(ui, &response, rect, self.place.unwrap_or(all), all);
         // what fits stays fitted when the window changes
@@ -142,25 +144,23 @@ impl View {
         if self.marks && !self.is_difference(found) {
             tones.mark_above = self.threshold(desk, found);
         }
-        let window = looked.window(pixels_per_point);
+        let (origin, step) = looked.origin_and_step(pixels_per_point);
         let beside = found.second.is_some() && self.mode == Mode::Beside;
         let pixels = if beside { (pixels.0.div_ceil(2), pixels.1) } else { pixels };
         let second = found.second.as_ref().map(|(held, channel)| (held, channel));
         let minus = second.filter(|_| self.is_difference(found));
         let shown = super::Side::BOTH.map(|side| desk.shown(side).map_or(0, |shown| shown.number));
         let key = |which: usize| {
-            let parts =
-                (&self.of, &found.channel, found.part, window.origin, window.step, tones, self.against, self.mode);
+            let parts = (&self.of, &found.channel, found.part, origin, step, tones, self.against, self.mode);
             format!("{which} {shown:?} {} {parts:?}", found.form.name())
         };
+        let part = found.part;
+        let first = Image { held: &found.held, channel: &found.channel, minus, part, origin, step, tones };
         let [first_canvas, second_canvas] = &mut self.live.painted;
-        painted(first_canvas, desk, pixels, key(0), |canvas| {
-            desk.gpu.paint_image(canvas, &image(&found.held, &found.channel, minus, found.part, &window, tones))
-        })?;
+        painted(first_canvas, desk, pixels, key(0), |canvas| desk.gpu.paint_image(canvas, &first))?;
         if let Some((held, channel)) = second.filter(|_| minus.is_none()) {
-            painted(second_canvas, desk, pixels, key(1), |canvas| {
-                desk.gpu.paint_image(canvas, &image(held, channel, None, found.part, &window, tones))
-            })?;
+            let second = Image { held, channel, minus: None, ..first };
+            painted(second_canvas, desk, pixels, key(1), |canvas| desk.gpu.paint_image(canvas, &second))?;
         }
         Ok(())
     }
@@ -246,7 +246,7 @@ impl View {
 
     /// The element that is at the place where somebody points in another view, and those that are pinned.
     fn mark_pointed(&self, painter: &egui::Painter, desk: &Desk, looked: &Looked) {
-        let mark = |probed: &super::super::probe::Probed, colour: Color32| {
+        let mark = |probed: &crate::inspector::probe::Probed, colour: Color32| {
             let Some(line) = probed.lines.iter().find(|line| line.view == self.id) else { return };
             let at = looked.point_of([f64::from(line.element.0) + 0.5, f64::from(line.element.1) + 0.5]);
             cross(painter, at, colour);

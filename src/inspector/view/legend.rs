@@ -2,9 +2,23 @@
 
 use egui::{Color32, Pos2, Rect, Ui, Vec2};
 
-use super::super::desk::Desk;
 use super::{Against, Found, Of, View, f64_of};
+use crate::inspector::desk::Desk;
 use crate::look::channel::Kind;
+
+/// Six digits, without zeros at the end.
+fn digits(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && !(1e-4..1e7).contains(&size) {
+        return format!("{value:.4e}");
+    }
+    let whole = if size >= 1.0 { size.log10().floor() as usize + 1 } else { 1 };
+    let text = format!("{value:.*}", 6usize.saturating_sub(whole));
+    match text.contains('.') {
+        true => text.trim_end_matches('0').trim_end_matches('.').to_string(),
+        false => text,
+    }
+}
 
 impl View {
     pub(super) fn legend(&mut self, ui: &mut Ui, desk: &Desk, found: &Found) {
@@ -38,10 +52,11 @@ impl View {
         }
         let unit = found.held.about.unit;
         let statistics = &seen.statistics;
-        let number = |value: Option<f64>| value.map_or("none".into(), |value| format!("{value:.6}"));
+        let number = |value: Option<f64>| value.map_or("none".into(), digits);
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 10.0;
-            ui.small(format!("colours {} to {} {unit}", seen.scaled.low, seen.scaled.high));
+            let [low, high] = [tones.scaled.low, tones.scaled.high].map(|value| digits(value.into()));
+            ui.small(format!("colours {low} to {high} {unit}"));
             let [low, high] = [statistics.lowest, statistics.highest].map(|value| number(value.map(f64::from)));
             ui.small(format!("lowest {low}, highest {high}, mean {}", number(statistics.mean)));
             let loud = [
@@ -85,5 +100,16 @@ impl View {
             format!("row {}, column {}: {}", line.element.1, line.element.0, numbers.join(", "))
         });
         ui.add(egui::Label::new(egui::RichText::new(text).monospace().size(10.5)).truncate());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::digits;
+
+    #[test]
+    fn numbers_have_six_digits_and_no_idle_zeros() {
+        let texts = [0.0, 1.0, -0.125, 1.0 / 3.0, 123.456789, 2.5e-9, 7.25e11].map(digits);
+        assert_eq!(texts, ["0", "1", "-0.125", "0.33333", "123.457", "2.5000e-9", "7.2500e11"]);
     }
 }

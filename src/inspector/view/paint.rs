@@ -1,14 +1,15 @@
 //! The canvases of a view, painted again when something about them changes.
 
-use super::super::desk::Desk;
-use super::super::screen::Screen;
-use crate::gpu::paint::{Canvas, Image, Part, Tones};
-use crate::gpu::{GpuError, Held};
-use crate::look::Channel;
+use std::sync::Arc;
+
+use crate::gpu::GpuError;
+use crate::gpu::paint::Canvas;
+use crate::inspector::desk::Desk;
+use crate::inspector::screen::Screen;
 
 /// A canvas on the screen, and what was painted on it.
 pub struct Painted {
-    pub canvas: Canvas,
+    pub canvas: Arc<Canvas>,
     pub texture: egui::TextureId,
     screen: Screen,
     key: String,
@@ -29,7 +30,7 @@ pub fn painted(
     paint: impl FnOnce(&Canvas) -> Result<(), GpuError>,
 ) -> Result<(), GpuError> {
     if kept.as_ref().is_none_or(|kept| kept.canvas.size != size) {
-        let canvas = desk.gpu.canvas(size)?;
+        let canvas = Arc::new(desk.gpu.canvas(size)?);
         let texture = desk.screen.show(&canvas);
         *kept = Some(Painted { canvas, texture, screen: desk.screen.clone(), key: String::new() });
     }
@@ -40,21 +41,4 @@ pub fn painted(
         kept.key = key;
     }
     Ok(())
-}
-
-/// Elements from a corner on, so many a pixel.
-pub struct Window {
-    pub origin: [f32; 2],
-    pub step: [f32; 2],
-}
-
-pub fn image<'a>(
-    held: &'a Held,
-    channel: &'a Channel,
-    minus: Option<(&'a Held, &'a Channel)>,
-    part: Part,
-    window: &Window,
-    tones: Tones,
-) -> Image<'a> {
-    Image { held, channel, minus, part, origin: window.origin, step: window.step, tones }
 }

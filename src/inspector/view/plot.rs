@@ -3,8 +3,8 @@
 use egui::Ui;
 use egui_plot::{Line, Plot, PlotPoints};
 
-use super::super::desk::Desk;
 use super::{Found, View};
+use crate::inspector::desk::Desk;
 use crate::look::channel::Number;
 
 /// So many values are drawn at most, from the first on.

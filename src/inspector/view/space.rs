@@ -3,15 +3,16 @@
 use egui::{Color32, Pos2, Rect, Ui};
 use glam::{DMat3, DVec2, DVec3};
 
-use super::super::desk::{Action, Desk};
-use super::super::probe::Where;
-use super::super::wish::{Moment, Shown};
 use super::image::{Looked, area, cross, fitted, moved};
 use super::paint::painted;
 use super::{Found, Orbit, View};
 use crate::camera::Camera;
+use crate::gpu::GpuError;
+use crate::inspector::desk::{Action, Desk};
+use crate::inspector::probe::Where;
+use crate::inspector::wish::{Moment, Shown};
 use crate::look::Form;
-use crate::run::sight::{Seen, Style};
+use crate::run::sight::{Seen, Sight, Style, Through};
 
 impl View {
     pub(super) fn space(&mut self, ui: &mut Ui, desk: &mut Desk, found: &Found) {
@@ -29,24 +30,47 @@ impl View {
                 self.place = (looked.place != all).then_some(looked.place);
             }
         }
-        let extent = looked.extent();
         let orbit = self.orbit.unwrap_or_else(|| default_orbit(&shown)).camera(rect);
-        let through = sight.through(found.form, &extent, Some(&orbit));
+        let through = sight.through(found.form, &looked.extent(), Some(&orbit));
+        match self.paint_space(desk, found, (&shown, &sight), (&looked, &through), pixels) {
+            Ok(()) => self.live.trouble = None,
+            Err(error) => {
+                self.live.trouble = Some(error.to_string());
+                return;
+            }
+        }
+        self.put_and_mark(ui, desk, found, &shown, (rect, &through));
+        self.point_in_space(desk, found, &response, &looked);
+        if response.clicked()
+            && let Some(probed) = desk.probed.clone()
+        {
+            desk.pins.push(probed);
+        }
+        self.orbit_bar(ui, desk, &shown, found);
+        self.legend(ui, desk, found);
+    }
+
+    fn paint_space<'a>(
+        &mut self,
+        desk: &Desk,
+        found: &'a Found,
+        (shown, sight): (&Shown, &Sight<'a>),
+        (looked, through): (&Looked, &Through),
+        pixels: (u32, u32),
+    ) -> Result<(), GpuError> {
+        let extent = looked.extent();
         let style = Style { lines: self.lines, filled: self.filled, tones: self.tones(found) };
-        let key = format!(
-            "{} {:?} {:?} {through:?} {extent:?} {style:?} {:?}",
-            shown.number, self.of, found.form, found.channel
-        );
+        let what = (shown.number, &self.of, found.form, &found.channel);
+        let key = format!("{what:?} {through:?} {extent:?} {style:?}");
         let seen = Seen { held: &found.held, channel: &found.channel, source: found.source };
         let [canvas, _] = &mut self.live.painted;
-        let done = painted(canvas, desk, pixels, key, |canvas| {
-            sight.paint(&desk.gpu, canvas, &seen, found.form, (&extent, &through), &style)
-        });
-        if let Err(error) = done {
-            self.live.trouble = Some(error.to_string());
-            return;
-        }
-        self.live.trouble = None;
+        painted(canvas, desk, pixels, key, |canvas| {
+            sight.paint(&desk.gpu, canvas, &seen, found.form, (&extent, through), &style)
+        })
+    }
+
+    /// Puts the canvas into the window, with the camera and the places that somebody points at.
+    fn put_and_mark(&self, ui: &Ui, desk: &Desk, found: &Found, shown: &Shown, (rect, through): (Rect, &Through)) {
         let painter = ui.painter_at(rect);
         if let Some(painted) = &self.live.painted[0] {
             let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
@@ -58,9 +82,8 @@ impl View {
             Some(rect.min + egui::vec2(at.x as f32, at.y as f32))
         };
         if matches!(found.form, Form::Above | Form::Orbit) {
-            draw_frustum(&painter, &shown, &point);
+            draw_frustum(&painter, shown, &point);
         }
-        self.point_in_space(desk, found, &response, &looked);
         if found.form != Form::Figure {
             let marks = desk.pins.iter().map(|pin| (pin, Color32::YELLOW));
             let pointed = desk.pointer.as_ref().and(desk.probed.as_ref()).map(|probed| (probed, Color32::WHITE));
@@ -70,13 +93,6 @@ impl View {
                 }
             }
         }
-        if response.clicked()
-            && let Some(probed) = desk.probed.clone()
-        {
-            desk.pins.push(probed);
-        }
-        self.orbit_bar(ui, desk, &shown, found);
-        self.legend(ui, desk, found);
     }
 
     fn point_in_space(&self, desk: &mut Desk, found: &Found, response: &egui::Response, looked: &Looked) {

@@ -2,11 +2,11 @@
 
 use egui::Ui;
 
-use super::super::desk::Desk;
-use super::super::probe::Where;
-use super::super::wish::Side;
 use super::image::{ask_rows, bytes_of};
 use super::{Found, View};
+use crate::inspector::desk::Desk;
+use crate::inspector::probe::Where;
+use crate::inspector::wish::Side;
 use crate::look::channel::Kind;
 
 /// Elements that were read, and those that are on their way.
