@@ -542,8 +542,8 @@ impl App {
         );
     }
 
-    fn bottom(&mut self, ui: &mut Ui) {
-        ui.horizontal(|ui| match &self.working {
+    fn progress(&self, ui: &mut Ui) {
+        match &self.working {
             Some((what, share)) if self.desk.worker.is_busy() => {
                 ui.spinner();
                 ui.label(what);
@@ -557,6 +557,14 @@ impl App {
             _ => {
                 ui.weak(&self.desk.gpu.summary.name);
             }
+        }
+    }
+
+    fn bottom(&mut self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            // whether something works or not, nothing else moves
+            ui.set_min_height(ui.spacing().interact_size.y + 4.0);
+            self.progress(ui);
         });
         for side in Side::BOTH {
             if let Some(error) = &self.wanted[side as usize].refused {
