@@ -355,7 +355,7 @@ impl Made {
         match wish.moment {
             Moment::Live(camera) => {
                 self.begin_live(camera)?;
-                self.carry_out(&camera, wish.in_f64)?;
+                self.carry_out(&camera, wish.in_f64, work)?;
                 Ok(Overflow::after_frame(&self.executor, &self.plan)?)
             }
             Moment::Frame(frame) => self.run_path(frame.min(self.plan.frames.saturating_sub(1)), wish.in_f64, work),
@@ -380,7 +380,7 @@ impl Made {
             }
             self.executor.begin_path_frame(at)?;
             let camera = self.prepared.data.cameras()[at];
-            self.carry_out(&camera, in_f64 && at == frame)?;
+            self.carry_out(&camera, in_f64 && at == frame, work)?;
             self.at = Some(at);
             if let Some(overflow) = Overflow::after_frame(&self.executor, &self.plan)? {
                 return Ok(Some(overflow));
@@ -402,17 +402,24 @@ impl Made {
     }
 
     /// Runs the frame that was begun, stage by stage if somebody compares.
-    fn carry_out(&mut self, camera: &Camera, in_f64: bool) -> Result<(), Diagnostic> {
+    fn carry_out(&mut self, camera: &Camera, in_f64: bool, work: &Work) -> Result<(), Diagnostic> {
         let Some(walk) = &mut self.walk else {
             self.executor.submit_frame()?;
             return Ok(());
         };
-        let plan = self.plan.clone();
+        let (plan, prepared) = (self.plan.clone(), self.viewed.clone());
         let gpu = self.executor.gpu().clone();
         let mut walked = BTreeMap::new();
         let mut failed = None;
-        walk.frame(&self.viewed, &mut self.executor, camera, &mut |seen| {
+        walk.frame(&prepared, &mut self.executor, camera, &mut |seen| {
             if !in_f64 {
+                return ControlFlow::Break(());
+            }
+            let stages = &prepared.cell.stages;
+            let share = (seen.stage_index + 1) as f32 / stages.len() as f32;
+            (work.tell)(format!("{} in f64", stages[seen.stage_index].name), Some(share));
+            if let Err(cancelled) = work.goes_on() {
+                failed = Some(cancelled);
                 return ControlFlow::Break(());
             }
             // later stages that make a buffer of the name again take its place, and both can be asked for by their stage
