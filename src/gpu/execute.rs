@@ -72,8 +72,17 @@ struct Now {
 
 impl Executor {
     pub fn new(gpu: &Arc<Gpu>, plan: &Arc<Plan>, data: &Arc<SceneData>) -> Result<Self, GpuError> {
-        gpu.check_plan(plan)?;
         let start = Instant::now();
+        let mut executor = Self::without_waiting(gpu, plan, data)?;
+        gpu.queue.submit([]);
+        gpu.wait()?;
+        executor.prepare_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(executor)
+    }
+
+    /// The same while the device still works on something else; nothing is known of how long it took.
+    pub fn without_waiting(gpu: &Arc<Gpu>, plan: &Arc<Plan>, data: &Arc<SceneData>) -> Result<Self, GpuError> {
+        gpu.check_plan(plan)?;
         let memory = Memory {
             places: make_places(gpu, plan)?,
             unused: make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?,
@@ -86,8 +95,6 @@ impl Executor {
         let prepared = plan.steps.iter().map(prepare).collect::<Result<_, _>>()?;
         let has_stamps = gpu.summary.timestamps && (1..=MOST_STAMPED).contains(&plan.steps.len());
         let stamps = has_stamps.then(|| Stamps::new(gpu, plan.steps.len())).transpose()?;
-        gpu.queue.submit([]);
-        gpu.wait()?;
         let now = Now {
             slot: Slot::default(),
             half: Half(0),
@@ -97,7 +104,7 @@ impl Executor {
             resets: false,
             is_first: true,
         };
-        let prepare_ms = start.elapsed().as_secs_f64() * 1e3;
+        let prepare_ms = f64::NAN;
         let (gpu, plan, data) = (gpu.clone(), plan.clone(), data.clone());
         Ok(Self { gpu, plan, data, memory, prepared, stamps, parameters, now, prepare_ms })
     }

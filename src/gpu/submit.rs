@@ -34,6 +34,14 @@ impl Executor {
         Ok(SubmissionTime { wall_ms, gpu_ms, steps: uploaded })
     }
 
+    /// The same, and nobody waits for it.
+    pub fn submit_setup(&self) -> Result<(), GpuError> {
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.encode_setup(&mut encoder)?;
+        self.gpu.queue.submit([encoder.finish()]);
+        Ok(())
+    }
+
     /// The same with each step as a submission of its own.
     pub fn setup_by_steps(&mut self) -> Result<SubmissionTime, GpuError> {
         let (uploads, steps) = self.uploads_and_steps();

@@ -157,8 +157,8 @@ impl Subject {
         buffers.extend(wish.buffers.iter().filter_map(|name| Some((name.clone(), plan.find(name).ok()?))));
         let plan = Arc::new(plan);
         self.gpu.check_plan(&plan)?;
-        let mut executor = Executor::new(&self.gpu, &plan, &viewed.data)?;
-        executor.setup()?;
+        let executor = Executor::without_waiting(&self.gpu, &plan, &viewed.data)?;
+        executor.submit_setup()?;
         Ok(Made {
             wish: wish.clone(),
             experiment,
@@ -285,7 +285,8 @@ impl Subject {
         let missing =
             Buffer { missing: Some(NOTHING), ..about("truth", Elem::F32, "m", "distance along the pixel's ray") };
         let error_px = Buffer { missing: Some(NOTHING), ..about("screen error", Elem::F32, "px", meaning) };
-        let colours = Buffer { packing: Packing::Bytes, ..about("truth picture", Elem::U32, "", "the true picture") };
+        let colours =
+            Buffer { packing: Packing::Bytes, ..about("truth picture", Elem::U32, "rgba8", "the true picture") };
         Ok(Arc::new(TruthShown {
             distance: upload(missing, bytemuck::cast_slice(&truth.distance_m))?,
             picture: upload(colours, bytemuck::cast_slice(&truth.colour))?,

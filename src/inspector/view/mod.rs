@@ -269,21 +269,24 @@ impl View {
             let same = all.iter().find(|own| own.name == channel.name);
             same.or(all.first()).cloned().map(|channel| (held.clone(), channel))
         };
+        let Some(own_about) = held_of(shown, &self.of).map(|held| &held.about) else { return Ok(None) };
         match self.against {
             Against::Nothing => Ok(None),
             Against::Other => {
                 let other = if self.side == Side::A { Side::B } else { Side::A };
                 let there = desk.shown(other).and_then(|shown| held_of(shown, &self.of));
                 let there = there.ok_or("the other side has no such buffer")?;
-                if there.about.dims != held_of(shown, &self.of).map_or(Vec::new(), |held| held.about.dims.clone()) {
+                if there.about.dims != own_about.dims {
                     return Err("the other side's buffer has another size".into());
                 }
                 Ok(own(there))
             }
             Against::Truth => {
                 let truth = shown.truth.as_ref().ok_or("the ground truth is on its way")?;
-                let held = if channel.kind == Kind::Colour { &truth.picture } else { &truth.distance };
-                Ok(own(held))
+                let is_like = |held: &&Held| held.about.elem == own_about.elem && held.about.unit == own_about.unit;
+                let found = [&truth.distance, &truth.picture].into_iter().find(is_like);
+                let found = found.filter(|held| held.about.dims == own_about.dims);
+                Ok(own(found.ok_or("the ground truth has distances and a picture, and nothing like this")?))
             }
             Against::F64 => {
                 let Of::Buffer(name) = &self.of else { return Err("it is in f64".into()) };
