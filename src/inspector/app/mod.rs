@@ -1,23 +1,20 @@
 //! The window: its panes, what they ask for, and the worker's answers.
 
+mod bars;
+mod layout;
+
 use std::path::Path;
 use std::sync::Arc;
 
-use egui::{Color32, RichText, Ui};
-use egui_tiles::{TileId, Tiles, Tree};
-use serde::{Deserialize, Serialize};
+use egui::Ui;
+use egui_tiles::TileId;
 
 use super::ask::Ask;
 use super::desk::{Action, Desk};
 use super::document::Document;
-use super::panes::camera::CameraPane;
-use super::panes::chain::ChainPane;
 use super::panes::experiments::ExperimentsPane;
-use super::panes::parameters::ParametersPane;
-use super::panes::probe;
 use super::panes::results::ResultsPane;
-use super::panes::source::SourcePane;
-use super::probe::Asked;
+use super::probe::{Asked, Probed, Where, probe};
 use super::screen::Screen;
 use super::shot::Shot;
 use super::view::{Against, Of, View};
@@ -26,28 +23,9 @@ use super::wish::{Answer, CellName, Moment, Shown, Side, Told, Wish};
 use super::worker::{Wake, Worker};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::Gpu;
-use crate::plan::BufferId;
-use crate::plan::product::{Drawn, Mesh, Picture};
+use layout::{Panes, USUAL, default_layout, usual, views_of};
 
-/// One tile of the window.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub enum Pane {
-    Chain(ChainPane),
-    Parameters(ParametersPane),
-    Camera(CameraPane),
-    Probe,
-    Source(SourcePane),
-    Results,
-    Experiments,
-    View(Box<View>),
-}
-
-/// What is kept from one time to the next.
-#[derive(Serialize, Deserialize)]
-pub struct Layout {
-    tree: Tree<Pane>,
-    next_view: u64,
-}
+pub use layout::{Layout, Pane};
 
 /// One of the two sides, as somebody wants it.
 struct Wanted {
@@ -70,7 +48,7 @@ pub struct App {
     said: Option<Result<String, Diagnostic>>,
     working: Option<(String, Option<f32>)>,
     probing: Option<u64>,
-    asked_for: Option<(u64, super::probe::Where)>,
+    asked_for: Option<(u64, Where)>,
     watch: Watch,
     /// Steps are timed when nothing else is to be done.
     times: bool,
@@ -367,10 +345,10 @@ impl App {
     }
 
     /// What is at a place of a view, at once.
-    pub fn point(&self, view_id: u64, at: super::probe::Where) -> Result<super::probe::Probed, Diagnostic> {
+    pub fn point(&self, view_id: u64, at: Where) -> Result<Probed, Diagnostic> {
         let (from, shown, views) =
             self.asked(view_id).ok_or_else(|| Diagnostic::input(format!("view {view_id} has nothing to point at")))?;
-        super::probe::probe(&self.desk.gpu, &shown, &from, at, &views)
+        probe(&self.desk.gpu, &shown, &from, at, &views)
     }
 
     /// Asks what is at the place where the hand is, once the last answer is there.
@@ -470,122 +448,6 @@ impl App {
             }
         });
     }
-
-    fn top(&mut self, ui: &mut Ui) {
-        ui.horizontal_wrapped(|ui| {
-            if ui.button("experiments").clicked() {
-                self.wanted.iter_mut().for_each(|wanted| wanted.document = None);
-            }
-            if self.wanted[0].document.is_none() {
-                return;
-            }
-            for (side, name) in Side::BOTH.into_iter().zip(["A", "B"]) {
-                if side == Side::B && !self.desk.compares {
-                    continue;
-                }
-                self.cells(ui, side, name);
-            }
-            let mut compares = self.desk.compares;
-            if ui.checkbox(&mut compares, "compare two cells").changed() {
-                self.desk.compares = compares;
-                if compares {
-                    self.wanted[1].document = self.wanted[0].document.clone();
-                    self.wanted[1].cell = self.wanted[0].cell.clone();
-                }
-            }
-            ui.checkbox(&mut self.desk.in_f64, "f64 of every stage")
-                .on_hover_text("each stage's reference, given what its kernels were given");
-            ui.checkbox(&mut self.desk.truth, "ground truth");
-            ui.checkbox(&mut self.times, "time the steps");
-            if let Some(shown) = self.desk.shown(Side::A).cloned() {
-                let last = shown.frames.saturating_sub(1);
-                if self.desk.compares {
-                    let second = &mut self.wanted[1].frame;
-                    let mut apart = second.is_some();
-                    let own = if let Moment::Frame(frame) = self.moment { frame } else { 0 };
-                    if ui.checkbox(&mut apart, "B at").on_hover_text("another frame on the second side").changed() {
-                        *second = apart.then_some(own);
-                    }
-                    if let Some(frame) = second {
-                        ui.add(egui::DragValue::new(frame).range(0..=last).speed(0.1));
-                    }
-                }
-                if let Moment::Frame(frame) = self.moment {
-                    let mut frame = frame.min(last);
-                    if last > 0 && ui.add(egui::Slider::new(&mut frame, 0..=last).text("frame")).changed() {
-                        self.moment = Moment::Frame(frame);
-                    }
-                }
-            }
-            if ui.button("new view").clicked() {
-                let of = self.views_mut().last().map(|view| view.of.clone()).unwrap_or(Of::TruthPicture);
-                self.see(Side::A, of, true);
-            }
-            if ui.button("usual layout").clicked() {
-                self.layout = default_layout();
-            }
-        });
-    }
-
-    fn cells(&mut self, ui: &mut Ui, side: Side, name: &str) {
-        let label = |cell: &CellName| crate::experiment::label(&cell.chain, &cell.settings);
-        let wanted = &mut self.wanted[side as usize];
-        let text = format!("{name}: {}", label(&wanted.cell));
-        egui::ComboBox::from_id_salt(("cell", name)).selected_text(text).width(280.0).truncate().height(600.0).show_ui(
-            ui,
-            |ui| {
-                let Some(shown) = &self.desk.shown[side as usize] else { return };
-                for cell in &shown.cells {
-                    ui.selectable_value(&mut wanted.cell, cell.clone(), label(cell));
-                }
-            },
-        );
-    }
-
-    fn progress(&self, ui: &mut Ui) {
-        match &self.working {
-            Some((what, share)) if self.desk.worker.is_busy() => {
-                ui.spinner();
-                ui.label(what);
-                if let Some(share) = share {
-                    ui.add(egui::ProgressBar::new(*share).desired_width(160.0));
-                }
-                if ui.button("cancel").clicked() {
-                    self.desk.worker.cancel();
-                }
-            }
-            _ => {
-                ui.weak(&self.desk.gpu.summary.name);
-            }
-        }
-    }
-
-    fn bottom(&mut self, ui: &mut Ui) {
-        ui.horizontal(|ui| {
-            // whether something works or not, nothing else moves
-            ui.set_min_height(ui.spacing().interact_size.y + 4.0);
-            self.progress(ui);
-        });
-        for side in Side::BOTH {
-            if let Some(error) = &self.wanted[side as usize].refused {
-                ui.colored_label(Color32::LIGHT_RED, RichText::new(error.to_string()).monospace().size(10.5));
-                ui.weak("what is shown is what was right before");
-            }
-        }
-        let notes = self.desk.shown(Side::A).map(|shown| shown.notes.clone()).unwrap_or_default();
-        notes.iter().for_each(|note| {
-            ui.colored_label(Color32::from_rgb(255, 190, 90), note);
-        });
-        match &self.said {
-            Some(Ok(text)) => {
-                ui.label(text);
-            }
-            Some(Err(error)) => {
-                ui.colored_label(Color32::LIGHT_RED, RichText::new(error.to_string()).monospace().size(10.5));
-            }
-            None => {}
-        }
-    }
 }
 
 impl eframe::App for App {
@@ -600,121 +462,6 @@ impl eframe::App for App {
 
 /// Under which name the layout is kept.
 pub const LAYOUT: &str = "layout";
-
-/// Draws tiles.
-struct Panes<'a> {
-    desk: &'a mut Desk,
-    experiments: &'a mut ExperimentsPane,
-    results: &'a mut ResultsPane,
-    refused: [Option<Diagnostic>; 2],
-    closed: Vec<u64>,
-}
-
-impl egui_tiles::Behavior<Pane> for Panes<'_> {
-    fn pane_ui(&mut self, ui: &mut Ui, _tile: TileId, pane: &mut Pane) -> egui_tiles::UiResponse {
-        egui::Frame::NONE.inner_margin(4.0).show(ui, |ui| match pane {
-            Pane::Chain(chain) => chain.ui(ui, self.desk),
-            Pane::Parameters(parameters) => {
-                let refused = self.refused[parameters.side as usize].as_ref();
-                parameters.ui(ui, self.desk, refused);
-            }
-            Pane::Camera(camera) => camera.ui(ui, self.desk),
-            Pane::Probe => probe::ui(ui, self.desk),
-            Pane::Source(source) => source.ui(ui, self.desk, self.refused[0].as_ref()),
-            Pane::Results => self.results.ui(ui, self.desk),
-            Pane::Experiments => self.experiments.ui(ui, self.desk),
-            Pane::View(view) => view.ui(ui, self.desk),
-        });
-        egui_tiles::UiResponse::None
-    }
-
-    fn tab_title_for_pane(&mut self, pane: &Pane) -> egui::WidgetText {
-        match pane {
-            Pane::Chain(_) => "chain".into(),
-            Pane::Parameters(_) => "parameters".into(),
-            Pane::Camera(_) => "camera".into(),
-            Pane::Probe => "probe".into(),
-            Pane::Source(_) => "source".into(),
-            Pane::Results => "results".into(),
-            Pane::Experiments => "experiments".into(),
-            Pane::View(view) => view.of.name().into(),
-        }
-    }
-
-    fn is_tab_closable(&self, tiles: &Tiles<Pane>, tile: TileId) -> bool {
-        matches!(tiles.get_pane(&tile), Some(Pane::View(_)))
-    }
-
-    fn on_tab_close(&mut self, tiles: &mut Tiles<Pane>, tile: TileId) -> bool {
-        if let Some(Pane::View(view)) = tiles.get_pane(&tile) {
-            self.closed.push(view.id);
-        }
-        false
-    }
-
-    fn simplification_options(&self) -> egui_tiles::SimplificationOptions {
-        egui_tiles::SimplificationOptions { all_panes_must_have_tabs: true, ..Default::default() }
-    }
-}
-
-/// Chain, parameters and the others on the left, two views on the right.
-fn default_layout() -> Layout {
-    let mut tiles = Tiles::default();
-    let upper: Vec<TileId> =
-        [Pane::Chain(ChainPane::default()), Pane::Source(SourcePane::default()), Pane::Results, Pane::Experiments]
-            .into_iter()
-            .map(|pane| tiles.insert_pane(pane))
-            .collect();
-    let lower: Vec<TileId> =
-        [Pane::Parameters(ParametersPane::default()), Pane::Camera(CameraPane::default()), Pane::Probe]
-            .into_iter()
-            .map(|pane| tiles.insert_pane(pane))
-            .collect();
-    let upper = tiles.insert_tab_tile(upper);
-    let lower = tiles.insert_tab_tile(lower);
-    let left = tiles.insert_vertical_tile(vec![upper, lower]);
-    let open = Of::Buffer(String::new());
-    let views = [0, 1].map(|id| tiles.insert_pane(Pane::View(Box::new(View::new(id, Side::A, open.clone())))));
-    let views = views.to_vec();
-    let right = tiles.insert_vertical_tile(views);
-    let root = tiles.insert_horizontal_tile(vec![left, right]);
-    if let Some(egui_tiles::Tile::Container(egui_tiles::Container::Linear(row))) = tiles.get_mut(root) {
-        row.shares.set_share(left, 0.38);
-        row.shares.set_share(right, 0.62);
-    }
-    Layout { tree: Tree::new(egui::Id::unique("tiles"), root, tiles), next_view: 2 }
-}
-
-fn views_of(layout: &mut Layout) -> Vec<&mut View> {
-    let tiles = layout.tree.tiles.tiles_mut();
-    let mut views: Vec<&mut View> = tiles
-        .filter_map(|tile| match tile {
-            egui_tiles::Tile::Pane(Pane::View(view)) => Some(view.as_mut()),
-            _ => None,
-        })
-        .collect();
-    views.sort_by_key(|view| view.id);
-    views
-}
-
-/// So many views are of what a chain is for, until somebody chooses something else.
-const USUAL: usize = 2;
-
-/// What the views of a new window are of: the chain's picture (or whatever it makes last), and the mesh that it draws (or the distances, or
-/// the ground).
-fn usual(shown: &Shown) -> [Of; USUAL] {
-    let plan = &shown.run_plan;
-    let name = |id: BufferId| plan.buffer(id).name.clone();
-    let last = plan.steps.last().and_then(|step| step.writes.first().copied());
-    let picture = plan.products.latest::<Picture<BufferId>>().map(|picture| picture.pixels).or(last);
-    let mesh = plan.products.latest::<Mesh<BufferId>>().map(|mesh| match mesh {
-        Mesh::Grid(grid) => grid.vertex,
-        Mesh::List(list) => list.triangle,
-    });
-    let drawn = plan.products.latest::<Drawn<BufferId>>().map(|drawn| drawn.distance);
-    let second = mesh.or(drawn).or((!plan.buffers.is_empty()).then_some(BufferId(0)));
-    [picture, second].map(|id| Of::Buffer(id.map(name).unwrap_or_default()))
-}
 
 /// A window on an experiment, or on the list of those that ship.
 pub fn window(gpu: &Arc<Gpu>, shot: &Shot) -> Result<(), Diagnostic> {
