@@ -2,8 +2,10 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
 
+use lodlab::experiment::sweep::read_setting;
 use lodlab::gpu::paint::{Image, Part, Tones};
 use lodlab::gpu::statistics::Looked;
 use lodlab::gpu::{Gpu, Held};
@@ -15,19 +17,22 @@ use lodlab::look::channel::channels;
 use lodlab::look::scale::Scaled;
 use lodlab::look::{Colours, Scale};
 use lodlab::plan::Buffer;
+use lodlab::run::{Keep, Setup};
+
+fn middle(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers[numbers.len() / 2]
+}
 
 /// Median of a few, in milliseconds.
 fn median_ms(mut work: impl FnMut()) -> f64 {
     work();
-    let mut times: Vec<f64> = (0..15)
-        .map(|_| {
-            let start = Instant::now();
-            work();
-            start.elapsed().as_secs_f64() * 1e3
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    times[times.len() / 2]
+    let time = |_| {
+        let start = Instant::now();
+        work();
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    middle((0..15).map(time).collect())
 }
 
 fn pictures(gpu: &Arc<Gpu>) {
@@ -71,47 +76,82 @@ fn settle(app: &mut App, context: &egui::Context, screen: &Screen) {
     }
 }
 
-/// A parameter that changes all the time: from the change to the picture, beside the frame by itself.
+const EXPERIMENT: &str = "experiments/quickstart.ron";
+/// Columns of the grid while they are dragged.
+const COLUMNS: std::ops::Range<u32> = 100..140;
+
+/// The frame that is shown while a parameter is dragged, by itself: prepared, and run again and again.
+fn alone_ms(gpu: &Arc<Gpu>) -> f64 {
+    let text = std::fs::read_to_string(EXPERIMENT).expect("the quickstart");
+    let mut times = Vec::new();
+    for columns in COLUMNS.step_by(5) {
+        let settings = ["scene.viewport=(1024, 768)".to_string(), format!("*.ViewGrid.size=({columns}, 75)")];
+        let settings = settings.map(|setting| read_setting(&setting).expect("a setting"));
+        let setup = Setup::first(text.clone(), "experiments".into(), &settings, Keep::Last).expect("it is planned");
+        let mut executor = setup.executor(gpu).expect("it is prepared");
+        executor.frame(0).expect("it runs");
+        times.extend((0..5).map(|_| executor.frame(0).expect("it runs").wall_ms));
+    }
+    middle(times)
+}
+
+/// The rate of frames while a parameter changes all the time.
+struct Dragged {
+    interval_ms: f64,
+    made_ms: f64,
+}
+
+fn drag(app: &mut App, context: &egui::Context, screen: &Screen, woken: &Receiver<()>) -> Dragged {
+    let number = |app: &App| app.desk().shown(Side::A).map(|shown| shown.number);
+    let (mut made, mut last, start) = (Vec::new(), number(app), Instant::now());
+    // the hand never rests: whenever the window is drawn, the parameter has another value
+    for columns in COLUMNS.cycle() {
+        let value = format!("({columns}, 75)");
+        app.act(Action::Set { side: Side::A, path: "*.ViewGrid.size".into(), value });
+        settle_once(app, context, screen);
+        assert!(app.refused(Side::A).is_none(), "{:?}", app.refused(Side::A));
+        if number(app) != last {
+            last = number(app);
+            made.extend(app.desk().shown(Side::A).and_then(|shown| shown.made_ms));
+        }
+        if made.len() == 20 {
+            break;
+        }
+        let _ = woken.recv_timeout(Duration::from_millis(16));
+    }
+    let interval_ms = start.elapsed().as_secs_f64() * 1e3 / made.len() as f64;
+    Dragged { interval_ms, made_ms: middle(made) }
+}
+
+/// A parameter that is dragged, beside the same frame by itself, in turn.
 fn dragged(gpu: &Arc<Gpu>) {
     let screen = Screen::without_window(gpu);
-    // as a window does, it draws when there is something new, and every 30 ms while it waits for that
-    let (wake, woken) = std::sync::mpsc::channel();
+    // as a window does, it draws when there is something new, and with every move of the hand
+    let (wake, woken) = channel();
     let wake = std::sync::Mutex::new(wake);
     let wakes = move || drop(wake.lock().map(|wake| wake.send(())));
     let mut app = App::new(gpu, screen.clone(), Arc::new(wakes), None);
-    app.open(Path::new("experiments/quickstart.ron"));
+    app.open(Path::new(EXPERIMENT));
     app.act(Action::Set { side: Side::A, path: "scene.viewport".into(), value: "(1024, 768)".into() });
     let context = egui::Context::default();
     app.time_steps(false);
     settle(&mut app, &context, &screen);
     let ms = median_ms(|| settle_once(&mut app, &context, &screen));
     println!("the window's own work in a frame, without drawing it: {ms:.2} ms");
-    let (mut frames, mut made) = (Vec::new(), Vec::new());
-    let number = |app: &App| app.desk().shown(Side::A).map(|shown| shown.number);
-    let (mut last, start, mut count) = (number(&app), Instant::now(), 0);
-    // the hand never rests: whenever the window is drawn, the parameter has another value
-    for size in 100.. {
-        let value = format!("({size}, 75)");
-        app.act(Action::Set { side: Side::A, path: "*.ViewGrid.size".into(), value });
-        settle_once(&mut app, &context, &screen);
-        assert!(app.refused(Side::A).is_none(), "{:?}", app.refused(Side::A));
-        if number(&app) != last {
-            last = number(&app);
-            count += 1;
-            frames.extend(app.desk().shown(Side::A).map(|shown| shown.frame_ms));
-            made.extend(app.desk().shown(Side::A).and_then(|shown| shown.made_ms));
-        }
-        if count == 40 {
-            break;
-        }
-        let _ = woken.recv_timeout(std::time::Duration::from_millis(16));
-    }
-    let ms = start.elapsed().as_secs_f64() * 1e3 / f64::from(count);
-    frames.sort_by(f64::total_cmp);
-    made.sort_by(f64::total_cmp);
-    let (frame_ms, made_ms) = (frames[frames.len() / 2], made[made.len() / 2]);
+    let rounds: Vec<(f64, Dragged)> = (0..9)
+        .map(|_| {
+            settle(&mut app, &context, &screen);
+            (alone_ms(gpu), drag(&mut app, &context, &screen, &woken))
+        })
+        .collect();
+    let of = |number: &dyn Fn(&(f64, Dragged)) -> f64| middle(rounds.iter().map(number).collect());
     println!(
-        "a parameter is dragged, quickstart at 1024 x 768: a new frame every {ms:.2} ms; planning and preparing {made_ms:.2} ms, the chain's own frame {frame_ms:.2} ms"
+        "a parameter is dragged, quickstart at 1024 x 768: a new frame every {:.1} ms, planning and preparing {:.1} ms of it; the frame by itself {:.1} ms; {:.1} ms more (medians of {} rounds)",
+        of(&|(_, dragged)| dragged.interval_ms),
+        of(&|(_, dragged)| dragged.made_ms),
+        of(&|(alone_ms, _)| *alone_ms),
+        of(&|(alone_ms, dragged)| dragged.interval_ms - alone_ms),
+        rounds.len()
     );
 }
 

@@ -273,6 +273,29 @@ fn parameters_are_changed_and_mistakes_are_told() {
     common::succeeded(&common::run(folder.path(), &["plan", "saved.ron"]));
 }
 
+/// What is uploaded goes on from one plan to the next, and never from one terrain to another.
+#[test]
+fn another_terrain_has_other_heights() {
+    let chain = "{\"a\": [HeightPyramid, ViewGrid(size: (16, 12)), Project, Rasterize, Shade]}";
+    let (_folder, path) = experiment(&format!("Experiment(scene: ({SCENE}), chains: {chain}, measure: [Time])"));
+    let mut window = Window::open(&path);
+    window.see(Of::Buffer("height".into()));
+    let heights = |window: &Window| {
+        let shown = window.shown();
+        shown.held("height").unwrap().read_all(&window.harness.state().desk().gpu).unwrap()
+    };
+    let before = heights(&window);
+    window.act(Action::Set { side: Side::A, path: "a.ViewGrid.size".into(), value: "(17, 12)".into() });
+    assert!(heights(&window) == before);
+    let seed = "scene.terrain.seed";
+    window.act(Action::Set { side: Side::A, path: seed.into(), value: "77".into() });
+    assert!(window.harness.state().refused(Side::A).is_none(), "{:?}", window.harness.state().refused(Side::A));
+    let other = heights(&window);
+    assert!(other != before && other.len() == before.len());
+    window.act(Action::Reset { side: Side::A, path: Some(seed.into()) });
+    assert!(heights(&window) == before);
+}
+
 /// A kernel that is broken while it is looked at leaves the last picture and says where; mended, it runs again.
 #[test]
 fn a_kernel_is_broken_and_mended() {

@@ -1,5 +1,6 @@
 //! A plan on a device: its memory, its pipelines and the frame that it is at.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -9,7 +10,7 @@ use super::parameters::{Parameters, Slot};
 use super::stamps::Stamps;
 use super::{Gpu, GpuError};
 use crate::frame::FrameInput;
-use crate::plan::{BufferId, Life, Often, Plan, Step};
+use crate::plan::{BufferId, Life, Often, Plan, Step, Work};
 use crate::scene::SceneData;
 
 /// Which of the two buffers of each pair is the new one. It changes with every frame.
@@ -48,6 +49,8 @@ pub struct Executor {
     pub(super) stamps: Option<Stamps>,
     parameters: Parameters,
     now: Now,
+    /// Inputs that were on the device before.
+    uploaded: BTreeSet<BufferId>,
     /// Time it took to make buffers and pipelines.
     pub prepare_ms: f64,
 }
@@ -73,18 +76,26 @@ struct Now {
 impl Executor {
     pub fn new(gpu: &Arc<Gpu>, plan: &Arc<Plan>, data: &Arc<SceneData>) -> Result<Self, GpuError> {
         let start = Instant::now();
-        let mut executor = Self::without_waiting(gpu, plan, data)?;
+        let mut executor = Self::without_waiting(gpu, plan, data, None)?;
         gpu.queue.submit([]);
         gpu.wait()?;
         executor.prepare_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(executor)
     }
 
-    /// The same while the device still works on something else; nothing is known of how long it took.
-    pub fn without_waiting(gpu: &Arc<Gpu>, plan: &Arc<Plan>, data: &Arc<SceneData>) -> Result<Self, GpuError> {
+    /// The same while the device still works on something else; nothing is known of how long it took. What the executor before it has of
+    /// the scene is not uploaded again.
+    pub fn without_waiting(
+        gpu: &Arc<Gpu>,
+        plan: &Arc<Plan>,
+        data: &Arc<SceneData>,
+        before: Option<&Executor>,
+    ) -> Result<Self, GpuError> {
         gpu.check_plan(plan)?;
+        let inputs = before.map_or_else(BTreeMap::new, |before| before.inputs_for(plan, data));
+        let uploaded = inputs.keys().copied().collect();
         let memory = Memory {
-            places: make_places(gpu, plan)?,
+            places: make_places(gpu, plan, inputs)?,
             unused: make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?,
             // the default is nearest and clamped to the edge
             nearest: gpu.device.create_sampler(&wgpu::SamplerDescriptor::default()),
@@ -106,7 +117,7 @@ impl Executor {
         };
         let prepare_ms = f64::NAN;
         let (gpu, plan, data) = (gpu.clone(), plan.clone(), data.clone());
-        Ok(Self { gpu, plan, data, memory, prepared, stamps, parameters, now, prepare_ms })
+        Ok(Self { gpu, plan, data, memory, prepared, stamps, parameters, now, uploaded, prepare_ms })
     }
 
     pub fn plan(&self) -> &Arc<Plan> {
@@ -193,7 +204,30 @@ impl Executor {
         self.steps_of(Often::EveryFrame).into_iter().filter(runs).collect()
     }
 
+    /// The inputs of another plan that are here with the same contents: no step but their upload writes them.
+    fn inputs_for(&self, plan: &Plan, data: &SceneData) -> BTreeMap<BufferId, Place> {
+        let is_only_uploaded = |id: &BufferId| {
+            self.plan.steps.iter().all(|step| matches!(step.work, Work::Upload(_)) || !step.writes.contains(id))
+        };
+        let same = |id: BufferId| {
+            let name = &plan.buffer(id).name;
+            let (own, other) = (self.data.input(name)?.bytes(), data.input(name)?.bytes());
+            let known = self
+                .plan
+                .inputs()
+                .into_iter()
+                .find(|own| self.plan.buffer(*own).name == *name)
+                .filter(is_only_uploaded)?;
+            let place = self.memory.places[known.0].as_ref().filter(|_| std::ptr::eq(own, other))?;
+            Some((id, place.input_for(plan.bound_as(id))?))
+        };
+        plan.inputs().into_iter().filter_map(same).collect()
+    }
+
     pub(super) fn upload(&self, id: BufferId) -> Result<(), GpuError> {
+        if self.uploaded.contains(&id) {
+            return Ok(());
+        }
         let name = &self.plan.buffer(id).name;
         let input = self.data.input(name);
         let (Some(input), Some(place)) = (input, &self.memory.places[id.0]) else {

@@ -1,5 +1,7 @@
 //! Memory: where the buffers and images of a plan live.
 
+use std::collections::BTreeMap;
+
 use super::{Gpu, GpuError};
 use crate::kernel::Elem;
 use crate::plan::{BufferId, Plan, Storage};
@@ -45,9 +47,21 @@ impl Place {
             Place::Buffer(_) => None,
         }
     }
+
+    /// The same input for another plan, if it binds it in no other forms.
+    pub fn input_for(&self, (is_array, is_image): (bool, bool)) -> Option<Place> {
+        let Place::Input { array, image } = self else { return None };
+        let has_all = (array.is_some() || !is_array) && (image.is_some() || !is_image);
+        has_all.then(|| Place::Input { array: array.clone(), image: image.clone() })
+    }
 }
 
-pub fn make_places(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuError> {
+/// Makes the buffers and images of a plan, but for inputs that are there already.
+pub fn make_places(
+    gpu: &Gpu,
+    plan: &Plan,
+    mut inputs: BTreeMap<BufferId, Place>,
+) -> Result<Vec<Option<Place>>, GpuError> {
     use wgpu::BufferUsages as Usage;
     let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST | Usage::INDIRECT;
     let slots =
@@ -55,6 +69,7 @@ pub fn make_places(gpu: &Gpu, plan: &Plan) -> Result<Vec<Option<Place>>, GpuErro
     let slots: Vec<wgpu::Buffer> = slots.collect::<Result<_, _>>()?;
     let place = |(at, buffer): (usize, &crate::plan::Buffer)| match (buffer.lifetime, buffer.storage, buffer.slot) {
         (None, _, _) => Ok(None),
+        (_, Storage::Input, _) if inputs.contains_key(&BufferId(at)) => Ok(inputs.remove(&BufferId(at))),
         (_, Storage::Input, _) => {
             let (is_array, is_image) = plan.bound_as(BufferId(at));
             let array = is_array.then(|| make_buffer(gpu, &buffer.name, buffer.bytes(), usage)).transpose()?;

@@ -157,7 +157,8 @@ impl Subject {
         buffers.extend(wish.buffers.iter().filter_map(|name| Some((name.clone(), plan.find(name).ok()?))));
         let plan = Arc::new(plan);
         self.gpu.check_plan(&plan)?;
-        let executor = Executor::without_waiting(&self.gpu, &plan, &viewed.data)?;
+        let before = self.made.as_ref().map(|made| &made.executor);
+        let executor = Executor::without_waiting(&self.gpu, &plan, &viewed.data, before)?;
         executor.submit_setup()?;
         Ok(Made {
             wish: wish.clone(),

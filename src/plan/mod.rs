@@ -231,13 +231,17 @@ impl Plan {
         plan
     }
 
+    /// What comes from the scene.
+    pub fn inputs(&self) -> Vec<BufferId> {
+        (0..self.buffers.len()).map(BufferId).filter(|id| self.buffer(*id).storage == Storage::Input).collect()
+    }
+
     /// The first steps are those that bring in what the others read.
     fn add_uploads(&mut self) {
         let is_touched = |id: &BufferId| {
             self.outputs.contains(id) || self.steps.iter().any(|step| step.reads.contains(id) || step.binds(*id))
         };
-        let inputs = (0..self.buffers.len()).map(BufferId).filter(|id| self.buffer(*id).storage == Storage::Input);
-        let (touched, untouched): (Vec<BufferId>, Vec<BufferId>) = inputs.partition(is_touched);
+        let (touched, untouched): (Vec<BufferId>, Vec<BufferId>) = self.inputs().into_iter().partition(is_touched);
         for id in untouched {
             let (what, saved_bytes) = (format!("scene: upload {}", self.buffer(id).name), self.buffer(id).bytes());
             self.left_out.push(LeftOut { what, reason: "nobody reads it".into(), saved_bytes, saved_threads: 0 });

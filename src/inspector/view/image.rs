@@ -2,7 +2,7 @@
 
 use egui::{Color32, Pos2, Rect, Sense, Ui, Vec2};
 
-use super::paint::painted;
+use super::paint::{What, painted};
 use super::{Found, Mode, Place, View};
 use crate::gpu::paint::Image;
 use crate::inspector::ask::Ask;
@@ -149,18 +149,18 @@ impl View {
         let pixels = if beside { (pixels.0.div_ceil(2), pixels.1) } else { pixels };
         let second = found.second.as_ref().map(|(held, channel)| (held, channel));
         let minus = second.filter(|_| self.is_difference(found));
-        let shown = super::Side::BOTH.map(|side| desk.shown(side).map_or(0, |shown| shown.number));
-        let key = |which: usize| {
+        let what = |which: usize| {
             let parts = (&self.of, &found.channel, found.part, origin, step, tones, self.against, self.mode);
-            format!("{which} {shown:?} {} {parts:?}", found.form.name())
+            let frame = super::Side::BOTH.map(|side| desk.shown(side).map_or(0, |shown| shown.number));
+            What { frame, key: format!("{which} {} {parts:?}", found.form.name()), is_costly: false }
         };
         let part = found.part;
         let first = Image { held: &found.held, channel: &found.channel, minus, part, origin, step, tones };
         let [first_canvas, second_canvas] = &mut self.live.painted;
-        painted(first_canvas, desk, pixels, key(0), |canvas| desk.gpu.paint_image(canvas, &first))?;
+        painted(first_canvas, desk, pixels, what(0), |canvas| desk.gpu.paint_image(canvas, &first))?;
         if let Some((held, channel)) = second.filter(|_| minus.is_none()) {
             let second = Image { held, channel, minus: None, ..first };
-            painted(second_canvas, desk, pixels, key(1), |canvas| desk.gpu.paint_image(canvas, &second))?;
+            painted(second_canvas, desk, pixels, what(1), |canvas| desk.gpu.paint_image(canvas, &second))?;
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! The canvases of a view, painted again when something about them changes.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use crate::gpu::GpuError;
 use crate::gpu::paint::Canvas;
@@ -12,7 +13,28 @@ pub struct Painted {
     pub canvas: Arc<Canvas>,
     pub texture: egui::TextureId,
     screen: Screen,
+    frame: [u64; 2],
     key: String,
+    at: Option<Instant>,
+}
+
+/// What is painted: a frame, and all else that makes a difference.
+pub struct What {
+    /// What each side shows.
+    pub frame: [u64; 2],
+    pub key: String,
+    /// Painting it takes a part of what the frame takes.
+    pub is_costly: bool,
+}
+
+/// While newer frames are on their way, what is costly waits so long until it is painted again: otherwise the frames would come later.
+const COSTLY_EVERY: Duration = Duration::from_millis(200);
+
+impl Painted {
+    fn can_wait(&self, desk: &Desk, what: &What) -> bool {
+        let is_fresh = self.at.is_some_and(|at| at.elapsed() < COSTLY_EVERY);
+        what.is_costly && self.key == what.key && is_fresh && desk.worker.is_busy()
+    }
 }
 
 impl Drop for Painted {
@@ -21,24 +43,26 @@ impl Drop for Painted {
     }
 }
 
-/// A canvas of a size, with something painted on it unless it is there already. `key` says what; it is different for anything else.
+/// A canvas of a size, with something painted on it unless it is there already.
 pub fn painted(
     kept: &mut Option<Painted>,
     desk: &Desk,
     size: (u32, u32),
-    key: String,
+    what: What,
     paint: impl FnOnce(&Canvas) -> Result<(), GpuError>,
 ) -> Result<(), GpuError> {
     if kept.as_ref().is_none_or(|kept| kept.canvas.size != size) {
         let canvas = Arc::new(desk.gpu.canvas(size)?);
         let texture = desk.screen.show(&canvas);
-        *kept = Some(Painted { canvas, texture, screen: desk.screen.clone(), key: String::new() });
+        *kept =
+            Some(Painted { canvas, texture, screen: desk.screen.clone(), frame: [0; 2], key: String::new(), at: None });
     }
     if let Some(kept) = kept
-        && kept.key != key
+        && (kept.frame != what.frame || kept.key != what.key)
+        && !kept.can_wait(desk, &what)
     {
         paint(&kept.canvas)?;
-        kept.key = key;
+        (kept.frame, kept.key, kept.at) = (what.frame, what.key, Some(Instant::now()));
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use egui::{Color32, Pos2, Rect, Ui};
 use glam::{DMat3, DVec2, DVec3};
 
 use super::image::{Looked, area, cross, fitted, moved};
-use super::paint::painted;
+use super::paint::{What, painted};
 use super::{Found, Orbit, View};
 use crate::camera::Camera;
 use crate::gpu::GpuError;
@@ -60,11 +60,11 @@ impl View {
     ) -> Result<(), GpuError> {
         let extent = looked.extent();
         let style = Style { lines: self.lines, filled: self.filled, tones: self.tones(found) };
-        let what = (shown.number, &self.of, found.form, &found.channel);
-        let key = format!("{what:?} {through:?} {extent:?} {style:?}");
+        let key = format!("{:?} {:?} {:?} {through:?} {extent:?} {style:?}", self.of, found.form, found.channel);
+        let what = What { frame: [shown.number; 2], key, is_costly: true };
         let seen = Seen { held: &found.held, channel: &found.channel, source: found.source };
         let [canvas, _] = &mut self.live.painted;
-        painted(canvas, desk, pixels, key, |canvas| {
+        painted(canvas, desk, pixels, what, |canvas| {
             sight.paint(&desk.gpu, canvas, &seen, found.form, (&extent, through), &style)
         })
     }
