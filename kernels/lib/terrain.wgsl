@@ -1,13 +1,13 @@
 // Where the height samples are, seen from the eye.
 
 /// Sample coordinates are (column, row), row 0 in the north. Positions relative to the eye are the exact
-/// difference of integers minus a fraction below 1, so they keep their digits on any terrain.
+/// difference of integers minus a fraction of at most a half, so they keep their digits on any terrain, and next to the eye all of them.
 struct Terrain {
     /// Columns and rows of samples.
     size: vec2<u32>,
-    /// Column and row of the sample north-west of the eye; outside the terrain for an eye outside it.
+    /// Column and row of the sample nearest to the eye; outside the terrain for an eye outside it.
     eye_cell: vec2<i32>,
-    /// The eye's position between that sample and the next, in [0, 1).
+    /// The eye's position from that sample, in [-0.5, 0.5].
     eye_fraction: vec2<f32>,
     /// Metres between columns and between rows.
     cell_m: vec2<f32>,

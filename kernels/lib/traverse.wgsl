@@ -1,11 +1,15 @@
 //!include ground as image
+//!include ground/foreground.wgsl
 // First hit of a ray with the full-resolution surface, by traversal of the maximum pyramid (Tevs, Ihrke, Seidel 2008) and a
 // sign test at cell borders that leaves no gap between cells.
 //
-// A kernel that includes this has `terrain: Terrain` in its parameters. A ray's parameter t is its distance along the view direction.
+// A kernel that includes this has `terrain: Terrain` and `foreground: Foreground` in its parameters. A ray's parameter t is its distance along the view direction.
 
 /// A ray may be under the surface (the eye is under it or outside the terrain): the minimum pyramid is needed.
 override UNDERSIDE: bool = false;
+
+/// The ground is the scene's, which `Foreground` knows.
+override HAS_FOREGROUND: bool = false;
 
 const FAR: f32 = 3.0e38;
 /// Level a ray starts at: it starts close to the surface.
@@ -18,9 +22,68 @@ struct Ray {
     forward: vec2<bool>,
 }
 
-/// Ray minus surface at a sample-grid line, or anywhere on the border of a cell. Heights in metres.
-fn above(ray: Ray, t: f32, surface_m: f32) -> f32 {
-    return ray.direction.z * t - relative_height(params.terrain, surface_m);
+/// Heights of the corners of a cell, above the eye in metres. What is between them is not rounded to what the eye's own height allows.
+fn relative_corners(cell: vec2<i32>) -> vec4<f32> {
+    return (ground_corners(cell) - params.terrain.eye_height_m.x) - params.terrain.eye_height_m.y;
+}
+
+/// Ray minus surface over a place in a cell, in metres.
+fn above(ray: Ray, t: f32, cell: vec2<i32>) -> f32 {
+    if HAS_FOREGROUND {
+        let number = foreground_number(cell - params.terrain.eye_cell);
+        if number >= 0 {
+            return above_foreground(ray, t, number);
+        }
+    }
+    return ray.direction.z * t - ground_surface(relative_corners(cell), in_cell(ray, t, cell));
+}
+
+/// How much a ray rises over a plane of the foreground with t.
+fn rise(ray: Ray, plane: vec4<f32>) -> f32 {
+    return ray.direction.z - (plane.y * ray.direction.x + plane.z * ray.direction.y);
+}
+
+/// The same next to the eye.
+fn above_foreground(ray: Ray, t: f32, number: i32) -> f32 {
+    let first = params.foreground.north_west[number];
+    if BILINEAR {
+        return (rise(ray, first) - first.w * ray.direction.x * ray.direction.y * t) * t - first.x;
+    }
+    let is_north_west = (ray.direction.x + ray.direction.y) * t <= first.w;
+    let plane = select(params.foreground.south_east[number], first, vec4(is_north_west));
+    return rise(ray, plane) * t - plane.x;
+}
+
+/// First t in [t0, t1] at which a ray comes to the other side of a plane of the foreground, or FAR.
+fn hit_plane(ray: Ray, plane: vec4<f32>, t0: f32, t1: f32, side: f32) -> f32 {
+    let speed = side * rise(ray, plane);
+    let height = side * plane.x;
+    if speed * t0 <= height {
+        return t0;
+    }
+    return select(FAR, clamp(height / speed, t0, t1), speed * t1 <= height);
+}
+
+/// `hit_in_cell` in a cell next to the eye.
+fn hit_in_foreground(ray: Ray, number: i32, t0: f32, t1: f32, side: f32) -> f32 {
+    let first = params.foreground.north_west[number];
+    if BILINEAR {
+        let f0 = side * above_foreground(ray, t0, number);
+        let f1 = side * above_foreground(ray, t1, number);
+        let a = -side * first.w * ray.direction.x * ray.direction.y * (t1 - t0) * (t1 - t0);
+        return select(hit_in_patch(a, t0, t1, f0, f1), t0, f0 <= 0.0);
+    }
+    let second = params.foreground.south_east[number];
+    // to the south-east of the diagonal is what goes beyond its place
+    let along = ray.direction.x + ray.direction.y;
+    let meets = first.w / along;
+    let tm = select(t1, meets, meets > t0 && meets < t1);
+    let begins_north_west = along * (0.5 * (t0 + tm)) <= first.w;
+    let hit = hit_plane(ray, select(second, first, vec4(begins_north_west)), t0, tm, side);
+    if hit < FAR || tm == t1 {
+        return hit;
+    }
+    return hit_plane(ray, select(first, second, vec4(begins_north_west)), tm, t1, side);
 }
 
 /// `t` at which the ray crosses column or row `line`; FAR if it never does.
@@ -38,16 +101,23 @@ fn in_cell(ray: Ray, t: f32, cell: vec2<i32>) -> vec2<f32> {
 /// First t in [t0, t1] at which the sign of ray minus surface changes inside the cell, or FAR.
 /// `f0` is the value at t0; `side` is +1 above the surface and -1 under it.
 fn hit_in_cell(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
-    let h = ground_corners(cell);
+    if HAS_FOREGROUND {
+        let number = foreground_number(cell - params.terrain.eye_cell);
+        if number >= 0 {
+            return hit_in_foreground(ray, number, t0, t1, side);
+        }
+    }
+    let h = relative_corners(cell);
     let p0 = in_cell(ray, t0, cell);
     let p1 = in_cell(ray, t1, cell);
-    let f0 = side * above(ray, t0, ground_surface(h, p0));
-    let f1 = side * above(ray, t1, ground_surface(h, p1));
+    let f0 = side * (ray.direction.z * t0 - ground_surface(h, p0));
+    let f1 = side * (ray.direction.z * t1 - ground_surface(h, p1));
     if f0 <= 0.0 {
         return t0;
     }
     if BILINEAR {
-        return hit_in_patch(ray, h, p0, p1, t0, t1, f0, f1, side);
+        let d = p1 - p0;
+        return hit_in_patch(-side * ground_twist(h) * d.x * d.y, t0, t1, f0, f1);
     }
     // the diagonal cuts the way through the cell in two straight pieces
     let s0 = ground_past_diagonal(p0);
@@ -58,7 +128,7 @@ fn hit_in_cell(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
         let share = s0 / (s0 - s1);
         tm = t0 + (t1 - t0) * share;
         let pm = clamp(p0 + (p1 - p0) * share, vec2(0.0), vec2(1.0));
-        fm = side * above(ray, tm, ground_on_diagonal(h, pm));
+        fm = side * (ray.direction.z * tm - ground_on_diagonal(h, pm));
     }
     if fm <= 0.0 {
         return t0 + (tm - t0) * (f0 / (f0 - fm));
@@ -69,13 +139,8 @@ fn hit_in_cell(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
     return FAR;
 }
 
-/// Along the ray, ray minus patch is a parabola through f0 and f1; its smallest root in [0, 1] is the hit.
-fn hit_in_patch(
-    ray: Ray, h: vec4<f32>, p0: vec2<f32>, p1: vec2<f32>, t0: f32, t1: f32, f0: f32, f1: f32, side: f32,
-) -> f32 {
-    let d = p1 - p0;
-    // f(s) = a s^2 + b s + f0
-    let a = -side * ground_twist(h) * d.x * d.y;
+/// Along the ray, ray minus patch is a parabola a s^2 + b s + f0 that ends in f1 at s = 1; its smallest root in [0, 1] is the hit.
+fn hit_in_patch(a: f32, t0: f32, t1: f32, f0: f32, f1: f32) -> f32 {
     let b = f1 - f0 - a;
     let discriminant = b * b - 4.0 * a * f0;
     if discriminant < 0.0 {
@@ -127,7 +192,8 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
         let eye_cell = terrain.eye_cell[axis];
         let fraction = terrain.eye_fraction[axis];
         if level_ray[axis] {
-            if eye_cell < 0 || eye_cell >= last[axis] {
+            let at = f32(eye_cell) + fraction;
+            if at < 0.0 || at > f32(last[axis]) {
                 return FAR;
             }
         } else {
@@ -144,8 +210,7 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
     var t = t_in;
     var side = 1.0;
     if UNDERSIDE {
-        let f = above(ray, t, ground_surface(ground_corners(cell), in_cell(ray, t, cell)));
-        side = select(-1.0, 1.0, f >= 0.0);
+        side = select(-1.0, 1.0, above(ray, t, cell) >= 0.0);
     }
     var level = min(START_LEVEL, GROUND_CELLS_TOP);
     loop {

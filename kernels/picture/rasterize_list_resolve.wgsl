@@ -7,6 +7,7 @@
 struct Params {
     camera: Camera,
     terrain: Terrain,
+    foreground: Foreground,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -16,6 +16,7 @@ struct Params {
     steepest: f32,
     /// Largest error that a pixel may have.
     bound_px: f32,
+    foreground: Foreground,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;

@@ -4,6 +4,7 @@
 //! Frames come from a path, which is known ahead, or one by one from a camera that somebody flies.
 
 mod camera;
+mod foreground;
 mod motion;
 pub mod projector;
 mod pyramid;
@@ -83,7 +84,7 @@ impl Filled {
 
 /// All blocks. One that is added here can be used by every kernel, a user's too.
 pub const BLOCKS: &[Block] =
-    &[camera::BLOCK, view::BLOCK, terrain::BLOCK, projector::BLOCK, motion::BLOCK, relief::BLOCK, pyramid::BLOCK];
+    &[camera::BLOCK, view::BLOCK, terrain::BLOCK, projector::BLOCK, motion::BLOCK, relief::BLOCK, pyramid::BLOCK, foreground::BLOCK];
 
 /// The block of a WGSL structure.
 pub fn block(name: &str) -> Option<&'static Block> {

@@ -18,10 +18,11 @@ pub const BLOCK: Block = Block {
         let eye_m = frame.camera.eye_m;
         let sample = lattice.sample_from_world(eye_m.truncate());
         let high = eye_m.z as f32;
+        let nearest = sample.round();
         values
             .add(lattice.size.to_array())
-            .add(sample.floor().as_ivec2().to_array())
-            .add((sample - sample.floor()).as_vec2().to_array())
+            .add(nearest.as_ivec2().to_array())
+            .add((sample - nearest).as_vec2().to_array())
             .add(lattice.cell_m.as_vec2().to_array())
             .add([high, (eye_m.z - f64::from(high)) as f32]);
     },

@@ -1,6 +1,6 @@
 //! What the surface is between height samples, in f64. Nothing else in Rust knows it; its half in WGSL is `kernels/ground/surface.wgsl`.
 
-use glam::DVec2;
+use glam::{DVec2, DVec4, Vec4};
 
 use crate::experiment::scene::Surface;
 
@@ -12,6 +12,23 @@ pub struct Cell {
     pub ne: f64,
     pub sw: f64,
     pub se: f64,
+}
+
+/// The surface of a cell as a formula of the place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Formula {
+    /// At the origin.
+    pub height: f64,
+    /// For each cell to the east and to the south.
+    pub slope: DVec2,
+    /// Of a patch, its twist; of a triangle, where the diagonal is, as the sum of a place's columns and rows.
+    pub last: f64,
+}
+
+impl Formula {
+    pub fn as_vec4(&self) -> Vec4 {
+        DVec4::new(self.height, self.slope.x, self.slope.y, self.last).as_vec4()
+    }
 }
 
 /// Which of a cell's two triangles a place is on: they meet on the diagonal from north-east to south-west, which belongs to this one.
@@ -58,6 +75,26 @@ impl Cell {
     pub fn slope(&self, is_north_west: bool) -> DVec2 {
         let Cell { nw, ne, sw, se } = *self;
         if is_north_west { DVec2::new(ne - nw, sw - nw) } else { DVec2::new(se - sw, se - ne) }
+    }
+
+    /// The surface of the cell over places that are counted from another origin, of which the cell's north-west corner is at `corner`.
+    pub fn formula(&self, corner: DVec2, surface: Surface, is_north_west: bool) -> Formula {
+        let Cell { nw, se, .. } = *self;
+        match surface {
+            Surface::Bilinear => {
+                let (slope, twist) = (self.slope(true), self.twist());
+                Formula {
+                    height: nw - slope.dot(corner) + twist * corner.x * corner.y,
+                    slope: slope - twist * DVec2::new(corner.y, corner.x),
+                    last: twist,
+                }
+            }
+            Surface::Triangles => {
+                let slope = self.slope(is_north_west);
+                let height = if is_north_west { nw - slope.dot(corner) } else { se - slope.dot(corner + 1.0) };
+                Formula { height, slope, last: corner.x + corner.y + 1.0 }
+            }
+        }
     }
 
     /// The steepest slope of the surface, as a tangent.

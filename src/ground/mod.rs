@@ -90,7 +90,8 @@ pub trait Ground: Debug + Send + Sync {
         let above_m = self.above_m(eye_m);
         let lifted = clearance_m.filter(|clearance_m| above_m < *clearance_m);
         let eye_m = lifted.map_or(eye_m, |clearance_m| surface + up * clearance_m);
-        let is_standing = self.margin_m(eye_m) >= 0.0 && self.above_m(eye_m).abs() < STANDING_M;
+        // beyond the border there is surface within that distance, too
+        let is_standing = self.margin_m(eye_m) > -STANDING_M && self.above_m(eye_m).abs() < STANDING_M;
         if is_standing { surface + up * STANDING_M } else { eye_m }
     }
 

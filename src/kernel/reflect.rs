@@ -153,7 +153,7 @@ pub enum BindingKind {
     Sampler,
 }
 
-/// A uniform structure; nested ones are flattened to dotted names (`camera.corner_hi`).
+/// A uniform structure; nested ones and arrays are flattened to dotted names (`camera.corner_hi`, `table.0`).
 #[derive(Clone, Debug)]
 pub struct Structure {
     pub bytes: u32,
@@ -304,12 +304,20 @@ fn flatten(
     let TypeInner::Struct { members, .. } = &module.types[ty].inner else { return Ok(()) };
     let name = module.types[ty].name.clone().unwrap_or_default();
     structure.nested.push(Nested { prefix: prefix.into(), name });
+    let mut parts: Vec<(String, u32, naga::Handle<naga::Type>)> = Vec::new();
     for member in members {
-        let name = format!("{prefix}{}", member.name.as_deref().unwrap_or_default());
-        let offset = base + member.offset;
-        let (components, scalar) = match module.types[member.ty].inner {
+        let (name, offset) = (format!("{prefix}{}", member.name.as_deref().unwrap_or_default()), base + member.offset);
+        match module.types[member.ty].inner {
+            TypeInner::Array { base, size: naga::ArraySize::Constant(count), stride } => {
+                parts.extend((0..count.get()).map(|at| (format!("{name}.{at}"), offset + at * stride, base)));
+            }
+            _ => parts.push((name, offset, member.ty)),
+        }
+    }
+    for (name, offset, ty) in parts {
+        let (components, scalar) = match module.types[ty].inner {
             TypeInner::Struct { .. } => {
-                flatten(module, member.ty, &format!("{name}."), offset, origin, structure)?;
+                flatten(module, ty, &format!("{name}."), offset, origin, structure)?;
                 continue;
             }
             TypeInner::Scalar(scalar) => (1, scalar),

@@ -4,8 +4,10 @@
 //! it has no device. Run, reports and `lodlab stages` loop over the list.
 
 pub mod figures;
+mod missed;
 pub mod pinholes;
 pub mod triangles;
+pub mod truth;
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -23,6 +25,7 @@ use crate::plan::{BufferId, Chain, Plan};
 use crate::scene::SceneData;
 
 pub use figures::{Column, Figures, Measured, Picture, Show};
+pub use truth::TruthFrame;
 
 /// Makes the modules and the registry of one list.
 macro_rules! measures {
@@ -123,13 +126,6 @@ impl Seen<'_> {
     pub fn is_pictured(&self) -> bool {
         self.frame == self.plan.frames / 2
     }
-}
-
-/// Exact distances and their shaded picture for one frame.
-#[derive(Clone, Debug)]
-pub struct TruthFrame {
-    pub distance_m: Vec<f32>,
-    pub colour: Vec<u32>,
 }
 
 /// A measure of an experiment.

@@ -7,11 +7,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::coverage::{Counts, drawn_distance};
+use super::missed::Missed;
+use super::truth::MOST_ERROR_PX;
 use super::{Column, Figures, Info, Measure, Measured, Picture, Seen, Show, Tally, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::ground::{Ground, Ray};
+use crate::ground::Ground;
 use crate::plan::product::Drawn;
 use crate::plan::{BufferId, Chain};
 
@@ -76,6 +78,14 @@ pub struct Broken {
     pub worst_px: f64,
 }
 
+/// How far, in pixels, what a pixel shows at a distance is from the true surface at the same ground position.
+pub fn drawn_error_px(ground: &dyn Ground, camera: &Camera, pixel: DVec2, drawn_m: f64) -> f64 {
+    let truth = ground.surface_at(camera.eye_m + camera.ray(pixel) * drawn_m);
+    // a true surface behind the eye has no place in the picture: as far off as anything in it can be
+    let diagonal_px = f64::from(camera.viewport.0).hypot(f64::from(camera.viewport.1));
+    camera.pixel(truth).map_or(diagonal_px, |place| place.distance(pixel).min(diagonal_px))
+}
+
 /// `drawn_m` and `true_m` are distances along each pixel's ray in metres, negative where there is no surface.
 pub fn frame(
     ground: &dyn Ground,
@@ -85,17 +95,9 @@ pub fn frame(
     bound_px: Option<f64>,
 ) -> FrameError {
     let width = camera.viewport.0 as usize;
-    let diagonal_px = f64::from(camera.viewport.0).hypot(f64::from(camera.viewport.1));
     let pixel_error = |(at, &drawn): (usize, &f32)| {
-        if drawn < 0.0 {
-            return SKY;
-        }
         let pixel = DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
-        let point = camera.eye_m + camera.ray(pixel) * f64::from(drawn);
-        let truth = ground.surface_at(point);
-        // a true surface behind the eye has no place in the picture: as far off as anything in it can be
-        let off_px = camera.pixel(truth).map_or(diagonal_px, |place| place.distance(pixel).min(diagonal_px));
-        off_px as f32
+        if drawn < 0.0 { SKY } else { drawn_error_px(ground, camera, pixel, drawn.into()) as f32 }
     };
     let error_px: Vec<f32> = drawn_m.par_iter().enumerate().map(pixel_error).collect();
     let broken = bound_px.map(|bound_px| {
@@ -115,49 +117,6 @@ pub fn frame(
     FrameError { broken, error_px }
 }
 
-/// What a picture should have shown and did not.
-struct Missed<'a> {
-    ground: &'a dyn Ground,
-    camera: &'a Camera,
-}
-
-impl Missed<'_> {
-    /// How far, in pixels, the true surface sticks out over a pixel's ray between where the ray meets it and where it met
-    /// what was drawn: the least error that the mesh must have there, since it lies under the ray. A pixel that shows what
-    /// is there, or something nearer, has missed nothing. A ray that comes from under the surface is the same upside down.
-    fn missed_px(&self, pixel: DVec2, drawn_m: f64, true_m: f64) -> f64 {
-        if true_m < 0.0 || drawn_m >= 0.0 && drawn_m <= true_m {
-            return 0.0;
-        }
-        let ray = Ray { eye_m: self.camera.eye_m, direction: self.camera.ray(pixel) };
-        let Some((enter_m, leave_m)) = self.ground.stay(&ray) else { return 0.0 };
-        let end_m = if drawn_m < 0.0 { leave_m } else { drawn_m.min(leave_m) };
-        let side = if self.over_m(&ray, enter_m) <= 0.0 { 1.0 } else { -1.0 };
-        let passed_px = self.most_px(&ray, (true_m, end_m), pixel, side);
-        // from outside, a ray can come in on the other side of the mesh than of the surface
-        let beside_px = if enter_m > 0.0 { self.most_px(&ray, (enter_m, true_m), pixel, -side) } else { f64::INFINITY };
-        passed_px.min(beside_px)
-    }
-
-    /// Surface above a ray, in metres.
-    fn over_m(&self, ray: &Ray, t: f64) -> f64 {
-        -self.ground.above_m(ray.at(t))
-    }
-
-    /// The most that the surface is over a part of a ray (or, with -1, under it), in pixels: it is largest where the surface under the ray
-    /// bends.
-    fn most_px(&self, ray: &Ray, (start_m, end_m): (f64, f64), pixel: DVec2, side: f64) -> f64 {
-        let over_px = |t: f64| {
-            if side * self.over_m(ray, t) <= 0.0 {
-                return 0.0;
-            }
-            let place = self.camera.pixel(self.ground.surface_at(ray.at(t)));
-            place.map_or(f64::INFINITY, |place| place.distance(pixel))
-        };
-        self.ground.bends(ray, start_m, end_m).into_iter().chain([end_m]).map(over_px).fold(0.0, f64::max)
-    }
-}
-
 /// Errors of all frames of a cell, in constant memory.
 #[derive(Clone, Debug, Default)]
 struct Summary {
@@ -167,6 +126,8 @@ struct Summary {
     pixels: usize,
     counts: Counts,
     broken: Option<Broken>,
+    /// The largest error of the truth, of frames that have one.
+    truth_px: Option<f64>,
     picture: Option<Picture>,
 }
 
@@ -178,6 +139,7 @@ impl Tally for Summary {
         let ground = seen.data.ground.as_ref();
         let found = frame(ground, seen.camera(), &drawn_m, &truth.distance_m, bound_px);
         self.add(&found);
+        self.truth_px = Some(self.truth_px.unwrap_or(0.0).max(truth.error_px));
         self.counts.add(&drawn_m, &truth.distance_m);
         if seen.is_pictured() {
             self.picture =
@@ -186,7 +148,10 @@ impl Tally for Summary {
     }
 
     fn finish(self: Box<Self>) -> Figures {
-        Figures { measured: self.measured(), pictures: self.picture.into_iter().collect(), warnings: Vec::new() }
+        let is_inexact = |error_px: &f64| *error_px > MOST_ERROR_PX;
+        let warning = |error_px| format!("the ground truth itself is off by up to {error_px:.3} px: smaller errors say nothing");
+        let warnings = self.truth_px.filter(is_inexact).map(warning).into_iter().collect();
+        Figures { measured: self.measured(), pictures: self.picture.into_iter().collect(), warnings }
     }
 }
 
@@ -219,6 +184,7 @@ impl Summary {
             measured.push(Measured::new("bound_violations", broken.pixels as f64, "pixels"));
             measured.push(Measured::new("bound_worst", broken.worst_px, "px"));
         }
+        measured.push(Measured::new("truth_error_max", self.truth_px, "px"));
         for percent in [50, 95, 99] {
             let value = errors.percentile(f64::from(percent) / 100.0);
             measured.push(Measured::new(&format!("error_p{percent}"), value, "px"));

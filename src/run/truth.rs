@@ -8,9 +8,10 @@ use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::experiment::tree::{Kind, Node};
 use crate::experiment::{Cell, StageCall};
 use crate::gpu::{Executor, Gpu, GpuError};
-use crate::measure::TruthFrame;
+use crate::measure::{TruthFrame, truth};
 use crate::plan::product::{Drawn, Picture};
 use crate::plan::{BufferId, Capacities, Demand, Plan};
+use crate::scene::SceneData;
 use crate::stages::{self, picture::shade};
 
 /// Frames are kept up to this many bytes; beyond that they are cast again when they are needed.
@@ -18,6 +19,7 @@ const MOST_BYTES: usize = 2 << 30;
 
 pub struct Truth {
     executor: Executor,
+    data: Arc<SceneData>,
     distance: BufferId,
     colour: BufferId,
     frames: Vec<Option<TruthFrame>>,
@@ -64,7 +66,7 @@ impl Truth {
         };
         let mut executor = Executor::new(gpu, plan, &prepared.data)?;
         executor.setup()?;
-        Ok(Self { executor, distance, colour, frames: vec![None; plan.frames], bytes: 0 })
+        Ok(Self { executor, data: prepared.data.clone(), distance, colour, frames: vec![None; plan.frames], bytes: 0 })
     }
 
     pub fn frame(&mut self, frame: usize) -> Result<TruthFrame, GpuError> {
@@ -72,10 +74,10 @@ impl Truth {
             return Ok(known.clone());
         }
         self.executor.frame(frame)?;
-        let made = TruthFrame {
-            distance_m: bytemuck::pod_collect_to_vec(&self.executor.read(self.distance)?),
-            colour: bytemuck::pod_collect_to_vec(&self.executor.read(self.colour)?),
-        };
+        let distance_m: Vec<f32> = bytemuck::pod_collect_to_vec(&self.executor.read(self.distance)?);
+        let error_px = truth::error_px(self.data.ground.as_ref(), &self.data.cameras()[frame], &distance_m);
+        let colour = bytemuck::pod_collect_to_vec(&self.executor.read(self.colour)?);
+        let made = TruthFrame { distance_m, colour, error_px };
         let bytes = 8 * made.colour.len();
         if self.bytes + bytes <= MOST_BYTES {
             self.bytes += bytes;

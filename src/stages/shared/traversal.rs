@@ -24,7 +24,9 @@ pub fn check(chain: &mut Chain) -> Result<(), Diagnostic> {
 /// A step whose kernel casts rays.
 pub fn step<'c, 'a>(chain: &'c mut Chain<'a>, label: &str, kernel: &Arc<Kernel>, entry: &str) -> StepBuilder<'c, 'a> {
     let underside = chain.sees_underside();
+    let has_foreground = chain.is_scene_ground();
     let step = chain.step(label, kernel, entry).constant("UNDERSIDE", f64::from(underside));
+    let step = step.constant("HAS_FOREGROUND", f64::from(has_foreground));
     if underside { step } else { step.leave_unbound("ground_min") }
 }
 
