@@ -68,6 +68,8 @@ struct Drawn {
     /// Metres: largest distance of the surface from that plane, distance around the triangle over which that holds, how much
     /// lower than its corners the raised plane may stand there; and by how many times its distance it holds behind the triangle.
     @location(5) @interpolate(flat, first) bound: vec4<f32>,
+    /// How much of each corner is in a place of the triangle.
+    @location(6) shares: vec3<f32>,
 }
 
 @vertex
@@ -97,7 +99,10 @@ fn draw(@builtin(vertex_index) index: u32) -> Drawn {
     drawn.depth = vec2(max(min(depth.x, min(depth.y, depth.z)), 0.0), max(depth.x, max(depth.y, depth.z)));
     drawn.middle = vec4(0.0);
     drawn.bound = vec4(0.0);
+    drawn.shares = vec3(0.0);
     if PROVEN {
+        // of three vertices in a row of a strip, each has another remainder
+        drawn.shares = select(vec3(0.0), vec3(1.0), vec3(0u, 1u, 2u) == vec3(index % 3u));
         let both = cell_bound[row * (columns - 1u) + min(k, last - 2u) / 2u];
         let found = select(both.zw, both.xy, (k & 1u) == 0u);
         let a = lowered(here);
@@ -142,6 +147,11 @@ fn is_air(cells: vec2<f32>) -> bool {
         discard;
     }
     return outside;
+}
+
+/// Whether a pixel's ray meets its triangle, and not only the one that the rasterizer sees with its corners moved.
+fn is_within(shares: vec3<f32>) -> bool {
+    return all(shares > 3.0 * params.snap_px * fwidth(shares));
 }
 
 /// The largest error of a pixel for which the mesh shows at least where a ray may start.
@@ -189,13 +199,15 @@ fn keep(drawn: Drawn) -> @location(0) u32 {
 
 @fragment
 fn keep_error(drawn: Drawn) -> @location(0) vec2<u32> {
+    let is_within = !PROVEN || is_within(drawn.shares);
     if is_air(drawn.cells) {
         return vec2(0u);
     }
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
     var seen = vec2(hit(ray, drawn), drawn.error);
     if PROVEN {
-        seen = proven(ray, seen.x, drawn);
+        // a ray that passes beside what hides the way under the mesh may have been under it all along
+        seen = select(vec2(seen.x, 1.0), proven(ray, seen.x, drawn), is_within);
     }
     return bitcast<vec2<u32>>(seen * vec2(length(ray), 1.0));
 }

@@ -11,9 +11,6 @@ use crate::stages::shared::drawn::make_distance;
 use crate::stages::shared::rounding::PROOF_SNAP_PX;
 use crate::stages::shared::traversal::known_tiles;
 
-/// Nothing nearer than this is drawn, in metres along the view direction.
-pub(super) const NEAR_M: f32 = 0.1;
-
 pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<BufferId>, Diagnostic> {
     let size = chain.grid_size(grid.vertex, Elem::Vec4F32)?;
     let strip = strip(chain, size)?;
@@ -67,7 +64,7 @@ fn grid_step<'c, 'a>(
 ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
     let sees_underside = chain.sees_underside();
     let threshold_px = grid.promise.map_or(0.0, |promise| promise.bound_px);
-    Ok(step(chain, label, "picture/rasterize_grid.wgsl", entry, NEAR_M)?
+    Ok(step(chain, label, "picture/rasterize_grid.wgsl", entry)?
         .constant("PROVEN", f64::from(grid.promise.is_some_and(|promise| promise.proven)))
         .constant("LED", f64::from(tiles.is_some()))
         .constant("DISCARD", f64::from(sees_underside))

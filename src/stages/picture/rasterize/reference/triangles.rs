@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3, UVec2};
 
-use super::super::{grid, list};
+use super::super::NEAR_M;
 use crate::reference::{Frame, Values};
 use crate::stages::shared::border::border_margin_m;
 use crate::stages::shared::rounding::{ANY_ADAPTER_SNAP_PX, EPSILON};
@@ -15,7 +15,6 @@ pub(super) struct Triangles {
     pub(super) carried: Vec<[f64; 3]>,
     /// Lowest and highest of surface minus the plane that was raised; empty for a mesh that is not proven.
     pub(super) found_m: Vec<(f64, f64)>,
-    pub(super) near_m: f64,
     /// At the terrain's border.
     pub(super) is_cut: bool,
     /// A ray that passes beside its triangle is cast.
@@ -55,7 +54,6 @@ impl Triangles {
             bounds_m,
             carried,
             found_m: Vec::new(),
-            near_m: list::NEAR_M.into(),
             is_cut: false,
             casts_beside,
             is_open,
@@ -84,7 +82,6 @@ impl Triangles {
             bounds_m,
             carried,
             found_m,
-            near_m: grid::NEAR_M.into(),
             is_cut: true,
             casts_beside: false,
             is_open: false,
@@ -139,7 +136,7 @@ impl Triangles {
         let normal = (b - a).cross(c - a);
         let steep = normal.dot(ray);
         let (t, rim_off) = self.depth(view, number, margin < slack, margin < 0.0);
-        let in_front = t * frame.camera.forward().dot(ray) > self.near_m;
+        let in_front = t * frame.camera.forward().dot(ray) > f64::from(NEAR_M);
         if !in_front || steep == 0.0 {
             return None;
         }
