@@ -6,7 +6,7 @@ use glam::{DVec3, UVec2};
 
 use crate::camera::{self, Camera};
 use crate::experiment::scene::Scene;
-use crate::ground::{Ground, Samples};
+use crate::ground::{Ground, Samples, foreground};
 use crate::kernel::{Elem, Packing};
 use crate::terrain::{ColourMap, HeightField};
 
@@ -20,6 +20,8 @@ pub struct SceneData {
     pub views: Views,
     /// An eye can be under the surface or outside the terrain, so that rays can run under the surface.
     pub sees_underside: bool,
+    /// An eye can be so close to the surface that kernels need the formulas of the cells around it.
+    pub has_foreground: bool,
 }
 
 /// The cameras that a plan has to do for.
@@ -139,21 +141,24 @@ impl SceneData {
     /// A scene with the cameras of its path.
     pub fn new(scene: Scene, terrain: Arc<HeightField>, colours: Option<Arc<ColourMap>>) -> Self {
         let ground: Arc<dyn Ground> = Arc::new(Samples::new(terrain.clone(), scene.surface));
-        let path = Path::new(camera::path(&scene, ground.as_ref()));
-        let sees_underside = path.cameras.iter().any(|camera| ground.can_see_underside(camera.eye_m));
+        let cameras = camera::path(&scene, ground.as_ref());
         let inputs = [Some(Input::heights(terrain)), colours.map(Input::colours)].into_iter().flatten().collect();
-        Self { scene, ground, inputs, views: Views::Path(path), sees_underside }
+        let views = Views::Any;
+        Self { scene, ground, inputs, views, sees_underside: true, has_foreground: true }.with_cameras(cameras)
     }
 
     /// The same scene for a camera that comes from anywhere.
     pub fn with_any_view(&self) -> Self {
-        Self { views: Views::Any, sees_underside: true, ..self.clone() }
+        Self { views: Views::Any, sees_underside: true, has_foreground: true, ..self.clone() }
     }
 
     /// The same scene with other cameras.
     pub fn with_cameras(&self, cameras: Vec<Camera>) -> Self {
-        let sees_underside = cameras.iter().any(|camera| self.ground.can_see_underside(camera.eye_m));
-        Self { views: Views::Path(Path::new(cameras)), sees_underside, ..self.clone() }
+        let ground = self.ground.as_ref();
+        let sees_underside = cameras.iter().any(|camera| ground.can_see_underside(camera.eye_m));
+        let has_foreground =
+            cameras.iter().any(|camera| foreground::is_needed(ground, camera.eye_m, camera.focal_px()));
+        Self { views: Views::Path(Path::new(cameras)), sees_underside, has_foreground, ..self.clone() }
     }
 
     /// The cameras of the path; none if any camera may come.

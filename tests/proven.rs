@@ -33,6 +33,53 @@ fn on_bilinear_patches() {
     }
 }
 
+/// Eyes close to the ground, under the mesh that is raised above it: places where the bound was once broken by rays that pass a hundredth of
+/// a pixel beside the triangle that hides what they meet.
+#[test]
+fn on_foot_under_the_raised_mesh() {
+    let data = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");
+    let dem = concat!(env!("CARGO_MANIFEST_DIR"), "/experiments/dem/jacksboro_403x344.png");
+    let noise = format!("Dem(file: \"{data}/ridges_on_foot_128.npy\", cell_m: (30, 30))");
+    let narrow = format!("Dem(file: \"{data}/narrow_cells_128.npy\", cell_m: (1, 100))");
+    let jacksboro = format!("Dem(file: \"{dem}\", cell_m: (74.5, 92.6), height_offset_m: 236)");
+    let cases = [
+        (
+            noise,
+            "Still(eye: (1678.08, 2346.24, 379.39471166992115), yaw_deg: 33, pitch_deg: -1)",
+            "(240, 180)",
+            "ViewGrid(size: (96, 72)), Project(filter: Finest)",
+            1,
+        ),
+        (
+            narrow,
+            "Still(eye: (55.936, 7820.8, 130.15582373046874), yaw_deg: 33, pitch_deg: -1)",
+            "(240, 180)",
+            "ViewGrid(size: (48, 36)), AspectImportance, Warp, Project",
+            4,
+        ),
+        (
+            jacksboro,
+            "Still(eye: (13432.908218258774, 9439.77289418627, 750.0839230374278), \
+             look_at: (14377.677277702724, 8737.977731098239, 634.2246888489308))",
+            "(320, 240)",
+            "ViewGrid(size: (48, 36)), AspectImportance, Warp, Project",
+            1,
+        ),
+    ];
+    for (terrain, camera, viewport, grid, rows) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let text = format!(
+            "Experiment(scene: (terrain: {terrain}, camera: {camera}, viewport: {viewport}), chains: {{ \"c\": [HeightPyramid, PlanePyramid, \
+             {grid}, GridError(rule: Proven, threshold_px: 1), LeadRays, Rasterize, Compact(rows: {rows}), RayFill] }}, measure: [ScreenError])"
+        );
+        std::fs::write(folder.path().join("foot.ron"), text).unwrap();
+        succeeded(&run(folder.path(), &["run", "foot.ron", "--out", "out"]));
+        let record = &records(&folder.path().join("out"))[0];
+        let worst = measure(record, "bound_worst");
+        assert_eq!(measure(record, "bound_violations"), Some(0.0), "{terrain}: {worst:?} px");
+    }
+}
+
 /// The picture of a Proven chain with lists of single pixels, and of blocks of rows: are they the same?
 fn shares(terrain: &str, camera: &str, threshold_px: f64, rows: u32) -> bool {
     let folder = tempfile::tempdir().unwrap();

@@ -14,6 +14,8 @@ struct Foreground {
     @align(16) north_west: array<vec4<f32>, 16>,
     /// Of the south-east triangle.
     south_east: array<vec4<f32>, 16>,
+    /// No height in these cells is lower or higher above the eye; a little more than that, so that rounding elsewhere cannot undo it.
+    @size(16) range_m: vec2<f32>,
 }
 
 /// The number of a cell in the foreground; `from_eye` is in cells from the sample nearest to the eye.
@@ -21,9 +23,4 @@ fn foreground_number(from_eye: vec2<i32>) -> i32 {
     let at = from_eye + FOREGROUND / 2;
     let is_inside = all(at >= vec2(0)) && all(at < vec2(FOREGROUND));
     return select(-1, at.y * FOREGROUND + at.x, is_inside);
-}
-
-/// Height above the eye at a place in cells from it.
-fn foreground_plane(plane: vec4<f32>, place: vec2<f32>) -> f32 {
-    return plane.x + (plane.y * place.x + plane.z * place.y);
 }

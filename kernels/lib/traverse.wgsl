@@ -54,6 +54,16 @@ fn above_foreground(ray: Ray, t: f32, number: i32) -> f32 {
     return rise(ray, plane) * t - plane.x;
 }
 
+/// Whether a ray comes to the heights of the foreground before it leaves it.
+fn may_hit_foreground(ray: Ray, t: f32, side: f32) -> bool {
+    let far = params.terrain.eye_cell + select(vec2(-FOREGROUND), vec2(FOREGROUND), ray.forward) / 2;
+    let tx = crossing(ray.inverse.x, far.x, params.terrain.eye_cell.x, params.terrain.eye_fraction.x);
+    let ty = crossing(ray.inverse.y, far.y, params.terrain.eye_cell.y, params.terrain.eye_fraction.y);
+    let ends = ray.direction.z * vec2(t, min(min(tx, ty), vertical_end(ray)));
+    let range = params.foreground.range_m;
+    return select(max(ends.x, ends.y) >= range.x, min(ends.x, ends.y) <= range.y, side > 0.0);
+}
+
 /// First t in [t0, t1] at which a ray comes to the other side of a plane of the foreground, or FAR.
 fn hit_plane(ray: Ray, plane: vec4<f32>, t0: f32, t1: f32, side: f32) -> f32 {
     let speed = side * rise(ray, plane);
@@ -101,12 +111,6 @@ fn in_cell(ray: Ray, t: f32, cell: vec2<i32>) -> vec2<f32> {
 /// First t in [t0, t1] at which the sign of ray minus surface changes inside the cell, or FAR.
 /// `f0` is the value at t0; `side` is +1 above the surface and -1 under it.
 fn hit_in_cell(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
-    if HAS_FOREGROUND {
-        let number = foreground_number(cell - params.terrain.eye_cell);
-        if number >= 0 {
-            return hit_in_foreground(ray, number, t0, t1, side);
-        }
-    }
     let h = relative_corners(cell);
     let p0 = in_cell(ray, t0, cell);
     let p1 = in_cell(ray, t1, cell);
@@ -211,6 +215,30 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
     var side = 1.0;
     if UNDERSIDE {
         side = select(-1.0, 1.0, above(ray, t, cell) >= 0.0);
+    }
+    if HAS_FOREGROUND {
+        // a loop of its own and no branch in the next one: software adapters go through what they skip, but for loops
+        var number = foreground_number(cell - terrain.eye_cell);
+        if !may_hit_foreground(ray, t, side) {
+            number = -1;
+        }
+        while number >= 0 {
+            let line = min(cell + select(vec2(0), vec2(1), ray.forward), last);
+            let tx = crossing(ray.inverse.x, line.x, terrain.eye_cell.x, terrain.eye_fraction.x);
+            let ty = crossing(ray.inverse.y, line.y, terrain.eye_cell.y, terrain.eye_fraction.y);
+            let t_exit = max(t, min(tx, ty));
+            let hit = hit_in_foreground(ray, number, t, min(t_exit, vertical_end(ray)), side);
+            if hit < FAR {
+                return hit;
+            }
+            let ahead = select(vec2(-1), vec2(1), ray.forward);
+            cell += select(vec2(0, ahead.y), vec2(ahead.x, 0), tx <= ty);
+            if t_exit >= t_out || any(cell < vec2(0)) || any(cell >= last) {
+                return FAR;
+            }
+            t = t_exit;
+            number = foreground_number(cell - terrain.eye_cell);
+        }
     }
     var level = min(START_LEVEL, GROUND_CELLS_TOP);
     loop {

@@ -17,5 +17,7 @@ struct View {
     side_top: vec3<f32>,
     side_bottom: vec3<f32>,
     /// Tangents of half the field of view.
-    @size(16) half_tan: vec2<f32>,
+    half_tan: vec2<f32>,
+    /// Nothing of the surface is nearer along the view direction, unless it is closer to the eye than any is on foot.
+    @size(8) near_m: f32,
 }

@@ -11,7 +11,6 @@ struct Params {
     view: View,
     /// Columns and rows of vertices.
     grid: vec2<u32>,
-    near_m: f32,
     /// The error that the mesh is allowed.
     threshold_px: f32,
     /// How far the rasterizer may see a corner from where it is.
@@ -57,8 +56,8 @@ struct Drawn {
     @builtin(position) position: vec4<f32>,
     /// Sample coordinates relative to the eye, to cut the mesh at the terrain's border.
     @location(0) cells: vec2<f32>,
-    /// Of a grid point, interpolated.
-    @location(1) error: f32,
+    /// Interpolated: the error of a grid point (Paper); how much of two of the corners is in a place of the triangle (Proven).
+    @location(1) carried: vec2<f32>,
     /// The triangle's normal, upwards, and its product with a corner.
     @location(2) @interpolate(flat, first) plane: vec4<f32>,
     /// Nearest and farthest corner along the view direction.
@@ -68,8 +67,6 @@ struct Drawn {
     /// Metres: largest distance of the surface from that plane, distance around the triangle over which that holds, how much
     /// lower than its corners the raised plane may stand there; and by how many times its distance it holds behind the triangle.
     @location(5) @interpolate(flat, first) bound: vec4<f32>,
-    /// How much of each corner is in a place of the triangle.
-    @location(6) shares: vec3<f32>,
 }
 
 @vertex
@@ -91,18 +88,17 @@ fn draw(@builtin(vertex_index) index: u32) -> Drawn {
 
     var drawn: Drawn;
     // reversed depth without a far plane: near / forward distance
-    drawn.position = vec4(view.xy / params.view.half_tan, params.near_m, view.z);
+    drawn.position = vec4(view.xy / params.view.half_tan, params.view.near_m, view.z);
     drawn.cells = cells_from_world(params.terrain, world.xy);
-    drawn.error = here.w;
+    drawn.carried = vec2(here.w, 0.0);
     drawn.plane = vec4(normal, dot(normal, world));
     let depth = vec3(view.z, dot(params.view.forward, second.xyz), dot(params.view.forward, third.xyz));
     drawn.depth = vec2(max(min(depth.x, min(depth.y, depth.z)), 0.0), max(depth.x, max(depth.y, depth.z)));
     drawn.middle = vec4(0.0);
     drawn.bound = vec4(0.0);
-    drawn.shares = vec3(0.0);
     if PROVEN {
         // of three vertices in a row of a strip, each has another remainder
-        drawn.shares = select(vec3(0.0), vec3(1.0), vec3(0u, 1u, 2u) == vec3(index % 3u));
+        drawn.carried = select(vec2(0.0), vec2(1.0), vec2(0u, 1u) == vec2(index % 3u));
         let both = cell_bound[row * (columns - 1u) + min(k, last - 2u) / 2u];
         let found = select(both.zw, both.xy, (k & 1u) == 0u);
         let a = lowered(here);
@@ -150,7 +146,8 @@ fn is_air(cells: vec2<f32>) -> bool {
 }
 
 /// Whether a pixel's ray meets its triangle, and not only the one that the rasterizer sees with its corners moved.
-fn is_within(shares: vec3<f32>) -> bool {
+fn is_within(two: vec2<f32>) -> bool {
+    let shares = vec3(two, 1.0 - two.x - two.y);
     return all(shares > 3.0 * params.snap_px * fwidth(shares));
 }
 
@@ -199,15 +196,16 @@ fn keep(drawn: Drawn) -> @location(0) u32 {
 
 @fragment
 fn keep_error(drawn: Drawn) -> @location(0) vec2<u32> {
-    let is_within = !PROVEN || is_within(drawn.shares);
+    let is_within = !PROVEN || is_within(drawn.carried);
     if is_air(drawn.cells) {
         return vec2(0u);
     }
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
-    var seen = vec2(hit(ray, drawn), drawn.error);
+    var seen = vec2(hit(ray, drawn), drawn.carried.x);
     if PROVEN {
-        // a ray that passes beside what hides the way under the mesh may have been under it all along
-        seen = select(vec2(seen.x, 1.0), proven(ray, seen.x, drawn), is_within);
+        seen = proven(ray, seen.x, drawn);
+        // a ray that passes beside the triangle, and beside what hides the way under the mesh, may have been under it all along
+        seen.y = select(1.0, seen.y, is_within);
     }
     return bitcast<vec2<u32>>(seen * vec2(length(ray), 1.0));
 }

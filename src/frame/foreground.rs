@@ -1,49 +1,37 @@
 //! The surface in the cells next to the eye: `Foreground` of `kernels/ground/foreground.wgsl`.
 
-use glam::{DVec2, IVec2};
-
-use super::{Block, FrameInput};
-use crate::ground::cell::{Cell, Formula};
+use super::Block;
+use crate::ground::foreground::cells;
 use crate::kernel::FieldKind::{self, F32};
-
-/// Cells a side.
-const SIDE: i32 = 4;
 
 macro_rules! fields {
     ($($at:literal)*) => {
-        &[$((concat!("north_west.", $at), F32(4)),)* $((concat!("south_east.", $at), F32(4)),)*]
+        &[$((concat!("north_west.", $at), F32(4)),)* $((concat!("south_east.", $at), F32(4)),)* ("range_m", F32(2))]
     };
 }
 
 const FIELDS: &[(&str, FieldKind)] = fields!(0 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15);
+
+/// By how much the range of heights is widened, as a part of the largest of them: more than f32 takes from any.
+const WIDER: f64 = 1e-5;
 
 pub const BLOCK: Block = Block {
     name: "Foreground",
     fields: FIELDS,
     changes: true,
     fill: |frame, values| {
+        let surface = frame.data.scene.surface;
+        let near = cells(frame.data.ground.as_ref(), frame.camera.eye_m);
         for is_north_west in [true, false] {
-            for at in 0..SIDE * SIDE {
-                let formula = formula(frame, IVec2::new(at % SIDE, at / SIDE) - SIDE / 2, is_north_west);
+            for near in &near {
+                let formula = near.map(|near| near.cell.formula(near.corner, surface, is_north_west));
                 values.add(formula.map_or([0.0; 4], |formula| formula.as_vec4().to_array()));
             }
         }
+        let ranges = || near.iter().flatten().map(|near| near.cell.range());
+        let low = ranges().map(|(low, _)| low).fold(f64::from(f32::MAX), f64::min);
+        let high = ranges().map(|(_, high)| high).fold(f64::from(f32::MIN), f64::max);
+        let more = WIDER * low.abs().max(high.abs());
+        values.add([low - more, high + more].map(|height_m| height_m as f32));
     },
 };
-
-/// The surface of a cell, counted from the sample nearest to the eye; `None` beyond the border.
-fn formula(frame: &FrameInput, from_eye: IVec2, is_north_west: bool) -> Option<Formula> {
-    let ground = frame.data.ground.as_ref();
-    let (lattice, eye_m) = (ground.lattice(), frame.camera.eye_m);
-    let eye = lattice.sample_from_world(eye_m.truncate());
-    let nearest = eye.round();
-    let at = nearest.as_ivec2().checked_add(from_eye)?;
-    let last = lattice.last().as_ivec2();
-    if at.cmplt(IVec2::ZERO).any() || at.cmpge(last).any() {
-        return None;
-    }
-    let height_m = |x, y| ground.height_m((at + IVec2::new(x, y)).as_uvec2()) - eye_m.z;
-    let cell = Cell { nw: height_m(0, 0), ne: height_m(1, 0), sw: height_m(0, 1), se: height_m(1, 1) };
-    let corner: DVec2 = from_eye.as_dvec2() + (nearest - eye);
-    Some(cell.formula(corner, frame.data.scene.surface, is_north_west))
-}

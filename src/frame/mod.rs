@@ -83,8 +83,16 @@ impl Filled {
 }
 
 /// All blocks. One that is added here can be used by every kernel, a user's too.
-pub const BLOCKS: &[Block] =
-    &[camera::BLOCK, view::BLOCK, terrain::BLOCK, projector::BLOCK, motion::BLOCK, relief::BLOCK, pyramid::BLOCK, foreground::BLOCK];
+pub const BLOCKS: &[Block] = &[
+    camera::BLOCK,
+    view::BLOCK,
+    terrain::BLOCK,
+    projector::BLOCK,
+    motion::BLOCK,
+    relief::BLOCK,
+    pyramid::BLOCK,
+    foreground::BLOCK,
+];
 
 /// The block of a WGSL structure.
 pub fn block(name: &str) -> Option<&'static Block> {

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::Block;
 use crate::camera::Camera;
+use crate::ground::{Ground, foreground};
 use crate::kernel::FieldKind::F32;
 
 pub const BLOCK: Block = Block {
@@ -20,6 +21,7 @@ pub const BLOCK: Block = Block {
         ("side_top", F32(3)),
         ("side_bottom", F32(3)),
         ("half_tan", F32(2)),
+        ("near_m", F32(1)),
     ],
     changes: true,
     fill: |frame, values| {
@@ -37,9 +39,20 @@ pub const BLOCK: Block = Block {
         for side in sides(camera) {
             values.add(side.as_vec3().to_array());
         }
-        values.add(camera.half_tan.as_vec2().to_array());
+        values.add(camera.half_tan.as_vec2().to_array()).add(near_m(frame.data.ground.as_ref(), camera) as f32);
     },
 };
+
+/// From where on a mesh is drawn, in metres along the view direction: half the distance that the surface has at least, so that nothing of
+/// it is cut away. Depths are this over the forward distance: the nearer it begins, the fewer digits they have for a triangle that reaches
+/// from the eye far away, and no eye in the air has to pay for those on foot.
+pub fn near_m(ground: &dyn Ground, camera: &Camera) -> f64 {
+    let least_m = foreground::distance_m(ground, camera.eye_m);
+    (0.5 * least_m / most_of(camera, |ray| ray.length())).clamp(NEAREST_M, FARTHEST_M)
+}
+
+const NEAREST_M: f64 = 1e-4;
+const FARTHEST_M: f64 = 0.1;
 
 /// Inward normals of the picture's sides: left, right, top, bottom.
 pub fn sides(camera: &Camera) -> [DVec3; 4] {

@@ -106,6 +106,18 @@ impl Cell {
         }
     }
 
+    /// Lowest and highest corner.
+    pub fn range(&self) -> (f64, f64) {
+        let Cell { nw, ne, sw, se } = *self;
+        (nw.min(ne).min(sw).min(se), nw.max(ne).max(sw).max(se))
+    }
+
+    /// The corner that is farthest from the height 0.
+    pub fn largest(&self) -> f64 {
+        let (low, high) = self.range();
+        low.abs().max(high.abs())
+    }
+
     /// By how much the cell is not flat: what a patch is twisted by, and twice the distance of the two diagonals.
     pub fn twist(&self) -> f64 {
         self.nw - self.ne - self.sw + self.se

@@ -3,6 +3,7 @@
 //! Its other half is what kernels include, `kernels/ground/`. ARCHITECTURE says what each kind of ground has to answer.
 
 pub mod cell;
+pub mod foreground;
 mod lattice;
 pub mod pyramid;
 mod samples;
@@ -61,6 +62,11 @@ pub trait Ground: Debug + Send + Sync {
 
     /// From where to where a ray is over the ground and can meet it; `None` if it never is.
     fn stay(&self, ray: &Ray) -> Option<(f64, f64)>;
+
+    /// Of a part of a ray, what is not over all of the surface or under all of it; or more than that.
+    fn among_heights(&self, _ray: &Ray, part: (f64, f64)) -> (f64, f64) {
+        part
+    }
 
     /// Where between two places on a ray the surface under it changes its formula, in no order. Between two such places it is smooth.
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64>;

@@ -159,6 +159,17 @@ impl Ground for Samples {
         (enter <= leave).then_some((enter, leave))
     }
 
+    fn among_heights(&self, ray: &Ray, (from, to): (f64, f64)) -> (f64, f64) {
+        let rise = ray.direction.z;
+        let reaches = |height_m: f64| (height_m - ray.eye_m.z) / rise;
+        let (low, high) = (reaches(self.range_m.0), reaches(self.range_m.1));
+        // of a level ray, nothing is left out
+        if !(low.is_finite() && high.is_finite()) {
+            return (from, to);
+        }
+        (from.max(low.min(high).min(to)), to.min(low.max(high).max(from)))
+    }
+
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64> {
         let origin = self.lattice.sample_from_world(ray.eye_m.truncate());
         bends(origin, self.lattice.cells_from_world(ray.direction.truncate()), from, to)

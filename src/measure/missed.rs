@@ -10,6 +10,9 @@ pub struct Missed<'a> {
     pub camera: &'a Camera,
 }
 
+/// A ray that comes no farther over the ground than this, as a part of its way, runs along the border as far as f32 can tell.
+const ALONG_BORDER: f64 = 1e-6;
+
 impl Missed<'_> {
     /// How far, in pixels, the true surface sticks out over a pixel's ray between where the ray meets it and where it met
     /// what was drawn: the least error that the mesh must have there, since it lies under the ray. A pixel that shows what
@@ -34,6 +37,11 @@ impl Missed<'_> {
         let ray = self.ray(pixel);
         let Some((enter_m, leave_m)) = self.ground.stay(&ray) else { return 0.0 };
         let end_m = if drawn_m < 0.0 { leave_m } else { drawn_m.min(leave_m) };
+        // along the border itself, over it and beside it are both right
+        let middle_m = 0.5 * (enter_m + end_m);
+        if self.ground.margin_m(ray.at(middle_m)) <= ALONG_BORDER * end_m {
+            return 0.0;
+        }
         let side = self.side(&ray, enter_m);
         let passed_px = self.most_px(&ray, (enter_m, end_m), pixel, side);
         // at the border rounding can decide on which side a ray comes in
@@ -64,19 +72,7 @@ impl Missed<'_> {
             let place = self.camera.pixel(self.ground.surface_at(ray.at(t)));
             place.map_or(f64::INFINITY, |place| place.distance(pixel))
         };
-        let (start_m, end_m) = self.in_range(ray, (start_m, end_m), side);
+        let (start_m, end_m) = self.ground.among_heights(ray, (start_m, end_m));
         self.ground.bends(ray, start_m, end_m).into_iter().chain([end_m]).map(over_px).fold(0.0, f64::max)
-    }
-
-    /// The part of a ray that is not over the highest of the ground, or under its lowest.
-    fn in_range(&self, ray: &Ray, (start_m, end_m): (f64, f64), side: f64) -> (f64, f64) {
-        let (low_m, high_m) = self.ground.range_m();
-        let (limit_m, rise) = if side > 0.0 { (high_m, ray.direction.z) } else { (low_m, ray.direction.z) };
-        let reaches = (limit_m - ray.eye_m.z) / rise;
-        match side * rise {
-            rise if rise > 0.0 => (start_m, end_m.min(reaches.max(start_m))),
-            rise if rise < 0.0 => (start_m.max(reaches.min(end_m)), end_m),
-            _ => (start_m, end_m),
-        }
     }
 }

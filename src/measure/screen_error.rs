@@ -20,7 +20,7 @@ use crate::plan::{BufferId, Chain};
 pub const INFO: Info = Info {
     name: "ScreenError",
     summary: "pixel distance between the drawn surface and the true surface at the same ground position",
-    version: 1,
+    version: 2,
     parameters: schema::<ScreenError>,
     read: read_as::<ScreenError>,
     columns: &[
@@ -149,7 +149,8 @@ impl Tally for Summary {
 
     fn finish(self: Box<Self>) -> Figures {
         let is_inexact = |error_px: &f64| *error_px > MOST_ERROR_PX;
-        let warning = |error_px| format!("the ground truth itself is off by up to {error_px:.3} px: smaller errors say nothing");
+        let warning =
+            |error_px| format!("the ground truth itself is off by up to {error_px:.3} px: smaller errors say nothing");
         let warnings = self.truth_px.filter(is_inexact).map(warning).into_iter().collect();
         Figures { measured: self.measured(), pictures: self.picture.into_iter().collect(), warnings }
     }

@@ -18,13 +18,22 @@ pub fn check(chain: &mut Chain) -> Result<(), Diagnostic> {
     if !chain.sees_underside() {
         chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
     }
+    if !has_foreground(chain) {
+        let reason = "no camera is so close to it that they would move a hit by a 500th of a pixel";
+        chain.leave_out("the formulas of the cells next to the eye", reason, 0, 0);
+    }
     Ok(())
+}
+
+/// Rays need the formulas of the cells next to the eye, and they are known: a kernel that makes another ground makes it on the device.
+fn has_foreground(chain: &Chain) -> bool {
+    chain.is_scene_ground() && chain.data.has_foreground
 }
 
 /// A step whose kernel casts rays.
 pub fn step<'c, 'a>(chain: &'c mut Chain<'a>, label: &str, kernel: &Arc<Kernel>, entry: &str) -> StepBuilder<'c, 'a> {
     let underside = chain.sees_underside();
-    let has_foreground = chain.is_scene_ground();
+    let has_foreground = has_foreground(chain);
     let step = chain.step(label, kernel, entry).constant("UNDERSIDE", f64::from(underside));
     let step = step.constant("HAS_FOREGROUND", f64::from(has_foreground));
     if underside { step } else { step.leave_unbound("ground_min") }

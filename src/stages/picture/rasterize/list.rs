@@ -10,6 +10,9 @@ use crate::plan::{BufferId, Chain};
 use crate::stages::shared::drawn::make_distance;
 use crate::stages::shared::traversal;
 
+/// Nothing nearer than this is drawn, in metres along the view direction: an eye can stand on a mesh of samples.
+pub(super) const NEAR_M: f32 = 1e-4;
+
 pub(super) fn plan(chain: &mut Chain, list: List<BufferId>) -> Result<Drawn<BufferId>, Diagnostic> {
     for id in [list.triangle, list.count] {
         chain.check_own(id)?;
@@ -23,7 +26,7 @@ pub(super) fn plan(chain: &mut Chain, list: List<BufferId>) -> Result<Drawn<Buff
         traversal::check(chain)?;
     }
     let draw = step(chain, "draw", "picture/rasterize_list.wgsl", "draw")?;
-    draw.bind("triangle", list.triangle).draw_list(list.count, drawn, "keep")?;
+    draw.set("near_m", NEAR_M).bind("triangle", list.triangle).draw_list(list.count, drawn, "keep")?;
     let (columns, rows) = chain.data.scene.viewport;
     let kernel = chain.kernel("picture/rasterize_list_resolve.wgsl")?;
     let resolve = traversal::step(chain, "resolve", &kernel, "resolve")

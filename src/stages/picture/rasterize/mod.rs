@@ -56,10 +56,6 @@ impl Stage for Rasterize {
     }
 }
 
-/// Nothing nearer than this is drawn, in metres along the view direction. An eye can stand on a mesh, a centimetre above the surface; and
-/// nothing is lost far away, since depths are near / forward distance in floating point.
-const NEAR_M: f32 = 1e-4;
-
 /// A step with what the kernels of both kinds of mesh are told.
 fn step<'c, 'a>(
     chain: &'c mut Chain<'a>,
@@ -68,5 +64,5 @@ fn step<'c, 'a>(
     entry: &str,
 ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
     let kernel = chain.kernel(file)?;
-    Ok(chain.step(label, &kernel, entry).set("near_m", NEAR_M))
+    Ok(chain.step(label, &kernel, entry))
 }

@@ -23,7 +23,7 @@ impl Reference for Rasterize {
             }
             Mesh::Grid(grid) => {
                 let bounds = grid.cell_bound.map(|id| buffers.values(id));
-                Triangles::of_grid(&buffers.values(grid.vertex), bounds.as_deref())
+                Triangles::of_grid(frame, &buffers.values(grid.vertex), bounds.as_deref())
             }
         };
         // how far a grid was raised is known to an interval only: what it covers then hangs on that

@@ -2,7 +2,8 @@
 
 use glam::{DVec2, DVec3, UVec2};
 
-use super::super::NEAR_M;
+use super::super::list;
+use crate::frame::view::near_m;
 use crate::reference::{Frame, Values};
 use crate::stages::shared::border::border_margin_m;
 use crate::stages::shared::rounding::{ANY_ADAPTER_SNAP_PX, EPSILON};
@@ -15,6 +16,8 @@ pub(super) struct Triangles {
     pub(super) carried: Vec<[f64; 3]>,
     /// Lowest and highest of surface minus the plane that was raised; empty for a mesh that is not proven.
     pub(super) found_m: Vec<(f64, f64)>,
+    /// Nothing nearer is drawn.
+    pub(super) near_m: f64,
     /// At the terrain's border.
     pub(super) is_cut: bool,
     /// A ray that passes beside its triangle is cast.
@@ -54,13 +57,14 @@ impl Triangles {
             bounds_m,
             carried,
             found_m: Vec::new(),
+            near_m: list::NEAR_M.into(),
             is_cut: false,
             casts_beside,
             is_open,
         }
     }
 
-    pub(super) fn of_grid(vertices: &Values, cell_bounds: Option<&Values>) -> Self {
+    pub(super) fn of_grid(frame: &Frame, vertices: &Values, cell_bounds: Option<&Values>) -> Self {
         let (rows, columns) = (vertices.dims[0], vertices.dims[1]);
         let at = |x: u32, y: u32| 4 * (y * columns + x) as usize;
         let point = |x, y| DVec3::from_slice(&vertices.value[at(x, y)..]);
@@ -82,6 +86,7 @@ impl Triangles {
             bounds_m,
             carried,
             found_m,
+            near_m: near_m(frame.ground, frame.camera),
             is_cut: true,
             casts_beside: false,
             is_open: false,
@@ -136,7 +141,7 @@ impl Triangles {
         let normal = (b - a).cross(c - a);
         let steep = normal.dot(ray);
         let (t, rim_off) = self.depth(view, number, margin < slack, margin < 0.0);
-        let in_front = t * frame.camera.forward().dot(ray) > f64::from(NEAR_M);
+        let in_front = t * frame.camera.forward().dot(ray) > self.near_m;
         if !in_front || steep == 0.0 {
             return None;
         }
