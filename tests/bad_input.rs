@@ -236,6 +236,24 @@ fn ron_cases() -> Vec<Case> {
         case("infinite height", experiment("size: (33, 33)", "size: (33, 33), height_m: (0, inf)")),
         case("octaves without end", experiment("Shape(kind: Sine, size: (33, 33))", "Noise(kind: Fbm, octaves: 99)")),
         case("eye that is not a number", experiment("(400, -300, 1500)", "(NaN, -300, 1500)")),
+        case("place that is not a number", experiment("look_at: (400, 500, 0)", "look_at: (NaN, 0, 0)")),
+        case("place beyond all worlds", experiment("look_at: (400, 500, 0)", "look_at: (1e308, 1e308, 0)")),
+        case(
+            "clearance that is not a number",
+            experiment("(400, -300, 1500),", "(400, -300, 1500), clearance_m: NaN,"),
+        ),
+        case("two view directions", experiment("look_at: (400, 500, 0)", "look_at: (400, 500, 0), yaw_deg: 90")),
+        case("cell too large", experiment("size: (33, 33)", "size: (33, 33), cell_m: 1e39")),
+        case("cell too small", experiment("size: (33, 33)", "size: (33, 33), cell_m: 5e-324")),
+        case(
+            "two scales of height",
+            dem("file: \"heights.npy\", cell_m: 90, height_m: (0, 100), height_offset_m: 5000"),
+        ),
+        case("gap filled with nothing", dem("file: \"heights.npy\", cell_m: 90, nodata: Fill(NaN)")),
+        case("light from nowhere", experiment("viewport:", "light: (azimuth_deg: NaN), viewport:")),
+        case("light below zero", experiment("viewport:", "light: (ambient: -5), viewport:")),
+        case("threshold below zero", experiment("[ScreenError,", "[ScreenError(threshold_px: -1),")),
+        case("field of view of a hair", experiment("viewport:", "fov_deg: 0.001, viewport:")),
     ]
 }
 

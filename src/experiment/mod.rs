@@ -4,6 +4,7 @@ pub mod diagnostic;
 mod edit;
 pub mod parameters;
 pub mod scene;
+mod scene_limits;
 pub mod sweep;
 pub mod tree;
 
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use diagnostic::{Diagnostic, Origin, Source};
-use scene::{Camera, Scene};
+use scene::Scene;
 use sweep::{Axis, Setting};
 use tree::{Field, Kind, Node};
 
@@ -205,7 +206,7 @@ impl Experiment {
         }
         let scene_node = required(&root, "scene", &self.source)?;
         let scene: Scene = scene_node.parse()?;
-        check_scene(&scene, scene_node)?;
+        scene_limits::check(&scene, scene_node)?;
         let stages = chain_node(&root, chain).unwrap_or_default();
         let stages = stages.iter().map(read_stage).collect::<Result<_, _>>()?;
         let measures = match root.field("measure") {
@@ -322,38 +323,4 @@ fn read_measures(node: &Node) -> Result<Vec<MeasureCall>, Diagnostic> {
         None => Err(Diagnostic::input("this is not a measure").at(&item.origin, "expected `Measure(...)`")),
     };
     items.iter().map(call).collect()
-}
-
-/// Sizes above these are refused before anything is allocated.
-const LARGEST_VIEWPORT: u32 = 16_384;
-const MOST_FRAMES: u32 = 100_000;
-
-fn check_scene(scene: &Scene, node: &Node) -> Result<(), Diagnostic> {
-    let at = |field: &str| node.field(field).map_or(&node.origin, |node| &node.origin);
-    let (width, height) = scene.viewport;
-    if !(1..=LARGEST_VIEWPORT).contains(&width) || !(1..=LARGEST_VIEWPORT).contains(&height) {
-        return Err(Diagnostic::input(format!("a viewport of {width} x {height} pixels cannot be drawn"))
-            .at(at("viewport"), format!("each side is from 1 to {LARGEST_VIEWPORT} pixels")));
-    }
-    if !(scene.fov_deg > 0.0 && scene.fov_deg < 180.0) {
-        return Err(Diagnostic::input(format!("a vertical field of view of {} degrees has no picture", scene.fov_deg))
-            .at(at("fov_deg"), "expected degrees above 0 and below 180"));
-    }
-    if !(1..=MOST_FRAMES).contains(&scene.camera.frames()) {
-        return Err(Diagnostic::input(format!("a camera path of {} frames", scene.camera.frames()))
-            .at(&node.field("camera").unwrap_or(node).head(), format!("expected 1 to {MOST_FRAMES} frames")));
-    }
-    let looks_at_itself = |eye: (f64, f64, f64), target: (f64, f64, f64)| eye == target;
-    let pointless = match &scene.camera {
-        Camera::Still(still) => still.look_at.is_some_and(|target| looks_at_itself(still.eye, target)),
-        Camera::Orbit(orbit) => orbit.radius_m == 0.0 && orbit.height_m == 0.0,
-        Camera::Flight(flight) => {
-            flight.keys.is_empty() || flight.keys.iter().any(|key| looks_at_itself(key.eye, key.look_at))
-        }
-    };
-    if pointless {
-        return Err(Diagnostic::input("this camera path has no view direction")
-            .at(&node.field("camera").unwrap_or(node).head(), "an eye looks at itself, or there are no keys"));
-    }
-    Ok(())
 }

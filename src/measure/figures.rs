@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     pub name: String,
+    #[serde(with = "maybe_infinite")]
     pub value: Option<f64>,
     pub unit: String,
 }
@@ -15,6 +16,41 @@ impl Measured {
         // JSON has no infinity, and a measure that is not a number is not measured
         let value = value.into().filter(|value: &f64| value.is_finite());
         Self { name: name.into(), value, unit: unit.into() }
+    }
+
+    /// A figure that can be infinite, and is not unknown then.
+    pub fn unbounded(name: &str, value: f64, unit: &str) -> Self {
+        let value = Some(value).filter(|value| !value.is_nan());
+        Self { name: name.into(), value, unit: unit.into() }
+    }
+}
+
+/// Numbers as JSON has them, and infinity, which it does not have, as the text `inf`.
+mod maybe_infinite {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Deserialize, Serialize)]
+    #[serde(untagged)]
+    enum Written {
+        Number(f64),
+        Text(String),
+    }
+
+    pub fn serialize<S: Serializer>(value: &Option<f64>, serializer: S) -> Result<S::Ok, S::Error> {
+        let written = value
+            .map(|value| if value.is_finite() { Written::Number(value) } else { Written::Text(value.to_string()) });
+        written.serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<f64>, D::Error> {
+        Ok(match Option::<Written>::deserialize(deserializer)? {
+            None => None,
+            Some(Written::Number(value)) => Some(value),
+            Some(Written::Text(text)) => {
+                Some(text.parse().map_err(|_| D::Error::custom(format!("`{text}` is no number")))?)
+            }
+        })
     }
 }
 
@@ -61,4 +97,20 @@ pub enum Show {
     Count,
     /// A number, or `equal` where another figure is 1.
     NumberUnless(&'static str),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_infinite_is_not_what_is_unknown() {
+        for value in [Some(1.5), Some(f64::INFINITY), None] {
+            let figure = Measured { name: "worst".into(), value, unit: "px".into() };
+            let text = serde_json::to_string(&figure).unwrap();
+            assert_eq!(serde_json::from_str::<Measured>(&text).unwrap(), figure, "{text}");
+        }
+        assert_eq!(Measured::unbounded("worst", f64::INFINITY, "px").value, Some(f64::INFINITY));
+        assert!(serde_json::from_str::<Measured>(r#"{"name": "worst", "value": "far", "unit": "px"}"#).is_err());
+    }
 }

@@ -37,6 +37,7 @@ pub const INFO: Info = Info {
 #[serde(deny_unknown_fields, default)]
 pub struct ScreenError {
     /// pixels above it are counted
+    #[schemars(extend("minimum" = 0))]
     threshold_px: f64,
 }
 
@@ -183,7 +184,7 @@ impl Summary {
         measured.extend(self.counts.measured());
         if let Some(broken) = self.broken {
             measured.push(Measured::new("bound_violations", broken.pixels as f64, "pixels"));
-            measured.push(Measured::new("bound_worst", broken.worst_px, "px"));
+            measured.push(Measured::unbounded("bound_worst", broken.worst_px, "px"));
         }
         measured.push(Measured::new("truth_error_max", self.truth_px, "px"));
         for percent in [50, 95, 99] {

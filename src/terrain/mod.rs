@@ -42,7 +42,7 @@ pub enum TerrainError {
     Size(u64, u64),
     #[error("`{0}` does not say how far its samples are apart: give `cell_m`")]
     NoCellSize(String),
-    #[error("cells of {0} x {1} m have no extent")]
+    #[error("cells of {0:e} x {1:e} m; each side is from {least:e} to {most:e} m", least = CELL_SIDES_M.start(), most = CELL_SIDES_M.end())]
     CellSize(f64, f64),
     #[error("the sample at column {column}, row {row} has no data ({count} have none in all)")]
     NoData { column: u32, row: u32, count: usize },
@@ -112,11 +112,14 @@ impl HeightField {
     }
 }
 
+/// What single precision can work with, with room for products of two and for the largest terrain.
+const CELL_SIDES_M: std::ops::RangeInclusive<f64> = 1e-6..=1e7;
+
 fn check_extent(size: (u32, u32), cell_m: (f64, f64)) -> Result<(), TerrainError> {
     if !(2..=LARGEST_SIDE).contains(&size.0) || !(2..=LARGEST_SIDE).contains(&size.1) {
         return Err(TerrainError::Size(size.0.into(), size.1.into()));
     }
-    if !(cell_m.0 > 0.0 && cell_m.1 > 0.0 && cell_m.0.is_finite() && cell_m.1.is_finite()) {
+    if ![cell_m.0, cell_m.1].iter().all(|side_m| CELL_SIDES_M.contains(side_m)) {
         return Err(TerrainError::CellSize(cell_m.0, cell_m.1));
     }
     Ok(())
