@@ -82,15 +82,15 @@ fn a_changed_constant_in_planning_code_runs_cells_again() {
     let folder = tempfile::tempdir().unwrap();
     let experiment = experiment(CHAIN, "ScreenError");
     reasons(folder.path(), &experiment, unchanged, as_planned);
-    let nearer = |job: &mut Job| {
+    let coarser = |job: &mut Job| {
         let mut plan = (*job.plan().unwrap()).clone();
         for run in runs(&mut plan) {
-            let near = run.params.iter_mut().filter(|(name, _)| name == "near_m");
-            near.for_each(|(_, value)| *value = 0.2f32.into());
+            let snap = run.params.iter_mut().filter(|(name, _)| name == "snap_px");
+            snap.for_each(|(_, value)| *value = 0.2f32.into());
         }
         *job = job.with_plan(plan);
     };
-    let changed = reasons(folder.path(), &experiment, unchanged, nearer);
+    let changed = reasons(folder.path(), &experiment, unchanged, coarser);
     assert_eq!(changed, ["changed: what lodlab makes of the same parameters"]);
 }
 

@@ -90,8 +90,8 @@ fn spaced_values_are_round_and_end_where_they_should() {
         cells("\"scene.fov_deg\": Log(from: 10, to: 100, steps: 3)", &[])[0..3],
         ["a 10", "a 31.6227766017", "a 100"]
     );
-    let fov = cells("\"scene.fov_deg\": Linear(from: 0.1, to: 0.5, steps: 5)", &[]);
-    assert_eq!(fov[..5], ["a 0.1", "a 0.2", "a 0.3", "a 0.4", "a 0.5"]);
+    let fov = cells("\"scene.fov_deg\": Linear(from: 1.1, to: 1.5, steps: 5)", &[]);
+    assert_eq!(fov[..5], ["a 1.1", "a 1.2", "a 1.3", "a 1.4", "a 1.5"]);
 }
 
 #[test]

@@ -47,7 +47,7 @@ pub const BLOCK: Block = Block {
 /// it is cut away. Depths are this over the forward distance: the nearer it begins, the fewer digits they have for a triangle that reaches
 /// from the eye far away, and no eye in the air has to pay for those on foot.
 pub fn near_m(ground: &dyn Ground, camera: &Camera) -> f64 {
-    let least_m = foreground::distance_m(ground, camera.eye_m);
+    let least_m = foreground::least_distance_m(ground, camera.eye_m);
     (0.5 * least_m / most_of(camera, |ray| ray.length())).clamp(NEAREST_M, FARTHEST_M)
 }
 

@@ -39,12 +39,16 @@ pub fn cells(ground: &dyn Ground, eye_m: DVec3) -> Vec<Option<Near>> {
 }
 
 /// No part of the surface in these cells is closer to an eye: its height above the surface over the length of the steepest slope there.
-/// (What is beyond these cells is a cell and a half away.)
-pub fn distance_m(ground: &dyn Ground, eye_m: DVec3) -> f64 {
+fn distance_m(ground: &dyn Ground, eye_m: DVec3) -> f64 {
     let cell_m = ground.lattice().cell_m;
     let steepest = |near: &Near| near.cell.steepest(cell_m, Surface::Bilinear);
     let steepest = cells(ground, eye_m).iter().flatten().map(steepest).fold(0.0, f64::max);
-    (ground.above_m(eye_m).abs() / steepest.hypot(1.0)).min(1.5 * cell_m.min_element())
+    ground.above_m(eye_m).abs() / steepest.hypot(1.0)
+}
+
+/// No part of the surface is closer to an eye. (What is beyond these cells is at least a cell and a half away.)
+pub fn least_distance_m(ground: &dyn Ground, eye_m: DVec3) -> f64 {
+    distance_m(ground, eye_m).min(1.5 * ground.lattice().cell_m.min_element())
 }
 
 /// Whether heights above the eye that are interpolated in f32 can move a hit next to the eye by more than a little.
