@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::triangles::{Hit, Triangles};
+use super::triangles::{Hit, Triangles, View};
 use crate::reference::Frame;
 use crate::stages::shared::border::border_margin_m;
 use crate::stages::shared::rounding::{ANY_ADAPTER_SNAP_PX, PROOF_SNAP_PX};
@@ -19,7 +19,10 @@ impl Triangles {
             return undecided;
         }
         if self.is_proven() {
-            return self.proven(frame, pixel, hit, number, threshold_px).unwrap_or(undecided);
+            let (distance, error) = self.proven(frame, pixel, hit, number, threshold_px).unwrap_or(undecided);
+            // close to an edge, the adapter's derivatives decide whether the ray passes beside
+            let is_close = self.margin_px(&View::new(frame, pixel), number) < ANY_ADAPTER_SNAP_PX;
+            return (distance, if is_close { (f64::NAN, f64::INFINITY) } else { error });
         }
         // perspective-correct interpolation is linear on the triangle
         let [right, down, corner] = frame.camera.pixel_basis();

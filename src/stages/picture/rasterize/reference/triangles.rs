@@ -123,16 +123,23 @@ impl Triangles {
         Hit { distance: (value, bound), triangle: nearest }
     }
 
-    /// Where a ray meets one triangle, or passes so close beside it that a rasterizer may draw it.
-    fn meet(&self, view: &View, number: usize) -> Option<Met> {
-        let View { frame, ray, right, down } = *view;
-        let ([a, b, c], bound_m) = (self.triangles[number], self.bounds_m[number]);
+    /// How far inside a triangle a pixel is, in pixels; negative beside it.
+    pub(super) fn margin_px(&self, view: &View, number: usize) -> f64 {
+        let View { ray, right, down, .. } = *view;
+        let [a, b, c] = self.triangles[number];
         let volume = a.dot(b.cross(c));
         let inside = [a.cross(b), b.cross(c), c.cross(a)].map(|edge| {
             let pixels = DVec2::new(edge.dot(right), edge.dot(down)).length();
             volume.signum() * edge.dot(ray) / pixels.max(1e-300)
         });
-        let margin = inside.into_iter().fold(f64::MAX, f64::min);
+        inside.into_iter().fold(f64::MAX, f64::min)
+    }
+
+    /// Where a ray meets one triangle, or passes so close beside it that a rasterizer may draw it.
+    fn meet(&self, view: &View, number: usize) -> Option<Met> {
+        let View { frame, ray, right, down } = *view;
+        let ([a, b, c], bound_m) = (self.triangles[number], self.bounds_m[number]);
+        let margin = self.margin_px(view, number);
         let slack =
             ANY_ADAPTER_SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
         if margin < -slack {
@@ -188,7 +195,7 @@ impl Triangles {
 
 /// A pixel's ray, of length 1 along the view direction, and what a pixel to the right and down adds to it.
 #[derive(Clone, Copy)]
-struct View<'a> {
+pub(super) struct View<'a> {
     frame: &'a Frame<'a>,
     ray: DVec3,
     right: DVec3,
@@ -196,7 +203,7 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    fn new(frame: &'a Frame<'a>, pixel: DVec2) -> Self {
+    pub(super) fn new(frame: &'a Frame<'a>, pixel: DVec2) -> Self {
         let [right, down, corner] = frame.camera.pixel_basis();
         Self { frame, ray: corner + right * pixel.x + down * pixel.y, right, down }
     }
