@@ -7,6 +7,10 @@ use crate::reference::Frame;
 use crate::stages::shared::border::border_margin_m;
 use crate::stages::shared::rounding::{ANY_ADAPTER_SNAP_PX, PROOF_SNAP_PX};
 
+/// From an edge of the triangle as the rasterizer sees it, a pixel is certain not to be taken for one beside it: three times the snapping, by
+/// the sum of two derivatives, which is at most 1.5 times their length, and twice that where they change.
+const BESIDE_PX: f64 = 9.0 * PROOF_SNAP_PX as f64;
+
 impl Triangles {
     /// Distance and normalised error, each with its bound, of what a pixel sees.
     pub(super) fn error(&self, frame: &Frame, pixel: DVec2, hit: &Hit, threshold_px: f64) -> ((f64, f64), (f64, f64)) {
@@ -20,9 +24,10 @@ impl Triangles {
         }
         if self.is_proven() {
             let (distance, error) = self.proven(frame, pixel, hit, number, threshold_px).unwrap_or(undecided);
-            // close to an edge, the adapter's derivatives decide whether the ray passes beside
-            let is_close = self.margin_px(&View::new(frame, pixel), number) < ANY_ADAPTER_SNAP_PX;
-            return (distance, if is_close { (f64::NAN, f64::INFINITY) } else { error });
+            // close to an edge, the adapter's corners and derivatives decide whether the ray passes beside
+            let is_close = self.margin_px(&View::new(frame, pixel), number) < ANY_ADAPTER_SNAP_PX + BESIDE_PX;
+            let is_open = is_close || !self.has_derivatives(frame, pixel, number);
+            return (distance, if is_open { (f64::NAN, f64::INFINITY) } else { error });
         }
         // perspective-correct interpolation is linear on the triangle
         let [right, down, corner] = frame.camera.pixel_basis();
@@ -47,6 +52,17 @@ impl Triangles {
             carried.iter().copied().fold(f64::MIN, f64::max) - carried.iter().copied().fold(f64::MAX, f64::min);
         let off = 2.0 * (aside[0] + aside[1]) + 2e-4 * spread + 1e-6;
         (hit.distance, (at(point).clamp(0.0, 1.0), if off.is_finite() { off } else { f64::INFINITY }))
+    }
+
+    /// Derivatives are differences between the four pixels of a quad; they say little of a triangle that another of them sees at quite another
+    /// distance, or never.
+    fn has_derivatives(&self, frame: &Frame, pixel: DVec2, number: usize) -> bool {
+        let [a, b, c] = self.triangles[number];
+        let normal = (b - a).cross(c - a);
+        let depth = |at: DVec2| normal.dot(a) / normal.dot(View::new(frame, at).ray);
+        let (own, first) = (depth(pixel), (pixel / 2.0).floor() * 2.0 + 0.5);
+        let quad = [DVec2::ZERO, DVec2::X, DVec2::Y, DVec2::ONE].map(|off| depth(first + off) / own);
+        quad.into_iter().all(|share| (0.5..=2.0).contains(&share))
     }
 
     /// The same for a mesh whose cells have bounds; `None` where rounding decides.

@@ -197,7 +197,7 @@ impl Triangles {
 #[derive(Clone, Copy)]
 pub(super) struct View<'a> {
     frame: &'a Frame<'a>,
-    ray: DVec3,
+    pub(super) ray: DVec3,
     right: DVec3,
     down: DVec3,
 }
