@@ -19,7 +19,10 @@ pub fn check(chain: &mut Chain) -> Result<(), Diagnostic> {
         chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
     }
     if !has_foreground(chain) {
-        let reason = "no camera is so close to it that they would move a hit by a 500th of a pixel";
+        let reason = match chain.is_scene_ground() {
+            true => "no camera is so close to it that they would move a hit by a 500th of a pixel",
+            false => "they are those of the scene's ground, and a kernel has made another one",
+        };
         chain.leave_out("the formulas of the cells next to the eye", reason, 0, 0);
     }
     Ok(())

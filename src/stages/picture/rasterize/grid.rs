@@ -2,7 +2,6 @@
 
 use glam::UVec2;
 
-use super::step;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
 use crate::plan::product::{Drawn, Grid, Mesh};
@@ -64,7 +63,9 @@ fn grid_step<'c, 'a>(
 ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
     let sees_underside = chain.sees_underside();
     let threshold_px = grid.promise.map_or(0.0, |promise| promise.bound_px);
-    Ok(step(chain, label, "picture/rasterize_grid.wgsl", entry)?
+    let kernel = chain.kernel("picture/rasterize_grid.wgsl")?;
+    Ok(chain
+        .step(label, &kernel, entry)
         .constant("PROVEN", f64::from(grid.promise.is_some_and(|promise| promise.proven)))
         .constant("LED", f64::from(tiles.is_some()))
         .constant("DISCARD", f64::from(sees_underside))

@@ -2,7 +2,6 @@
 
 use glam::UVec2;
 
-use super::step;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
 use crate::plan::product::{Drawn, List, Mesh};
@@ -25,7 +24,8 @@ pub(super) fn plan(chain: &mut Chain, list: List<BufferId>) -> Result<Drawn<Buff
     if is_proven {
         traversal::check(chain)?;
     }
-    let draw = step(chain, "draw", "picture/rasterize_list.wgsl", "draw")?;
+    let kernel = chain.kernel("picture/rasterize_list.wgsl")?;
+    let draw = chain.step("draw", &kernel, "draw");
     draw.set("near_m", NEAR_M).bind("triangle", list.triangle).draw_list(list.count, drawn, "keep")?;
     let (columns, rows) = chain.data.scene.viewport;
     let kernel = chain.kernel("picture/rasterize_list_resolve.wgsl")?;

@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::experiment::scene::Surface;
+use crate::plan::Chain;
 use crate::plan::product::{Drawn, Mesh, what};
-use crate::plan::{Chain, StepBuilder};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -54,15 +54,4 @@ impl Stage for Rasterize {
         chain.offer(drawn);
         Ok(())
     }
-}
-
-/// A step with what the kernels of both kinds of mesh are told.
-fn step<'c, 'a>(
-    chain: &'c mut Chain<'a>,
-    label: &str,
-    file: &str,
-    entry: &str,
-) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-    let kernel = chain.kernel(file)?;
-    Ok(chain.step(label, &kernel, entry))
 }
