@@ -3,6 +3,7 @@
 pub mod diagnostic;
 mod edit;
 pub mod parameters;
+pub mod regular;
 pub mod scene;
 mod scene_limits;
 pub mod sweep;
@@ -67,7 +68,7 @@ const FIELDS: [&str; 6] = ["title", "scene", "chains", "sweep", "measure", "reus
 impl Experiment {
     pub fn load(path: &Path) -> Result<Self, Diagnostic> {
         let shown = path.display();
-        let text = std::fs::read_to_string(path)
+        let text = regular::read_to_string(path)
             .map_err(|error| Diagnostic::input(format!("cannot read the experiment `{shown}`: {error}")))?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         Self::read(Source::new(shown.to_string(), text), folder)

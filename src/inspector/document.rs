@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::experiment::Experiment;
 use crate::experiment::diagnostic::{Diagnostic, Source};
+use crate::experiment::regular;
 use crate::experiment::sweep::{self, Setting};
 
 /// An experiment and the parameters that were changed, by their paths as `--set` has them.
@@ -20,7 +21,7 @@ pub struct Document {
 impl Document {
     pub fn load(path: &Path) -> Result<Self, Diagnostic> {
         let shown = path.display();
-        let text = std::fs::read_to_string(path)
+        let text = regular::read_to_string(path)
             .map_err(|error| Diagnostic::input(format!("cannot read the experiment `{shown}`: {error}")))?;
         let source = Source::new(shown.to_string(), text);
         Ok(Self { path: path.to_path_buf(), source, changed: BTreeMap::new() })

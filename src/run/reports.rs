@@ -2,6 +2,7 @@
 
 use super::cell;
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::regular;
 use crate::report::html::{self, Pictures};
 use crate::report::pareto;
 use crate::report::records::{self, Record, Store};
@@ -18,8 +19,8 @@ pub fn write(title: &str, store: &Store, records: &[Record]) -> Result<(), Diagn
         None => store.remove("pareto.svg"),
     }
     let picture =
-        |record: &Record, kind: &str| std::fs::read(store.folder.join(cell::picture_name(&record.hash, kind))).ok();
-    let look = |(what, file): &(String, String)| Some((what.clone(), std::fs::read(store.folder.join(file)).ok()?));
+        |record: &Record, kind: &str| regular::read(&store.folder.join(cell::picture_name(&record.hash, kind))).ok();
+    let look = |(what, file): &(String, String)| Some((what.clone(), regular::read(&store.folder.join(file)).ok()?));
     let pictures: Vec<Pictures> = records
         .iter()
         .map(|record| Pictures {

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::files::check_claim;
 use super::{HeightField, TerrainError};
+use crate::experiment::regular;
 use crate::experiment::scene::{Colour, Cover};
 
 /// A rectangle of colours. Its first and last columns and rows are on the terrain's border; row 0 is north.
@@ -31,8 +32,8 @@ impl ColourMap {
 fn read(path: &Path) -> Result<ColourMap, TerrainError> {
     let shown = || path.display().to_string();
     let bad = |what: String| TerrainError::BadFile { path: shown(), what };
-    let file = std::fs::File::open(path)
-        .map_err(|error| TerrainError::Unreadable { path: shown(), why: error.to_string() })?;
+    let file =
+        regular::open(path).map_err(|error| TerrainError::Unreadable { path: shown(), why: error.to_string() })?;
     let decoder = image::codecs::png::PngDecoder::new(std::io::BufReader::new(file))
         .map_err(|error| bad(format!("is no readable PNG: {error}")))?;
     let (columns, rows) = image::ImageDecoder::dimensions(&decoder);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use egui::{RichText, ScrollArea, Ui};
 
+use crate::experiment::regular;
 use crate::inspector::desk::{Action, Desk};
 
 /// An experiment file and the first line of what is said about it.
@@ -72,7 +73,7 @@ pub fn shipped(folder: &Path) -> Vec<Shipped> {
 
 /// The comment at the top of a file.
 fn about(path: &Path) -> String {
-    let text = std::fs::read_to_string(path).unwrap_or_default();
+    let text = regular::read_to_string(path).unwrap_or_default();
     let lines = text.lines().take_while(|line| line.starts_with("//"));
     lines.map(|line| line.trim_start_matches('/').trim()).collect::<Vec<_>>().join(" ")
 }

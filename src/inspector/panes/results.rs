@@ -6,6 +6,7 @@ use egui::{RichText, ScrollArea, Ui};
 use egui_plot::{GridMark, MarkerShape, Plot, PlotPoints, Points};
 
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::regular;
 use crate::inspector::desk::{Action, Desk};
 use crate::inspector::wish::{CellName, Side};
 use crate::report::records::{Record, Store};
@@ -52,7 +53,7 @@ impl ResultsPane {
         self.chosen = None;
         self.picture = None;
         // the table of the last run has its cells in the order of the file
-        let last = std::fs::read(folder.join("records.json")).ok();
+        let last = regular::read(&folder.join("records.json")).ok();
         let last = last.and_then(|bytes| serde_json::from_slice::<Vec<Record>>(&bytes).ok());
         let found =
             last.map_or_else(|| Store::look(folder).map(|store| store.all().into_iter().cloned().collect()), Ok);

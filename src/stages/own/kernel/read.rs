@@ -5,6 +5,7 @@ use std::path::Path;
 use super::{Attached, Fields, Kernel, Over};
 use crate::experiment::diagnostic::{Diagnostic, Origin, Source};
 use crate::experiment::parameters::{check_ranges, describe, schema};
+use crate::experiment::regular;
 use crate::experiment::tree::{Kind, Node};
 use crate::kernel::{BindingKind, Kernel as Wgsl, Structure};
 use crate::stages::Stage;
@@ -38,7 +39,7 @@ pub(super) fn read(node: &Node, folder: &Path) -> Result<Box<dyn Stage>, Diagnos
     };
     let file_node = need("file")?;
     let path = folder.join(file_node.parse::<String>()?);
-    let text = std::fs::read_to_string(&path).map_err(|error| {
+    let text = regular::read_to_string(&path).map_err(|error| {
         Diagnostic::input(format!("cannot read the kernel `{}`: {error}", path.display()))
             .at(&file_node.origin, "this file")
     })?;
