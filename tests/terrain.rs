@@ -1,5 +1,8 @@
 //! Height sources: every file format and policy, exact shapes, seeds.
 
+mod common;
+
+use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -77,10 +80,8 @@ fn geotiff_of_every_type_and_compression() {
 fn geotiff_in_tiles() {
     let folder = tempfile::tempdir().unwrap();
     let (width, height, side) = (24u32, 20u32, 16u32);
-    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
     let tile_bytes = side * side * 2;
     let data = 8 + 2 + 12 * 10 + 4 + 32;
-    // tag, type (3: u16, 4: u32), count, value
     let entries = [
         (256u16, 3u16, 1u32, width),
         (257, 3, 1, height),
@@ -93,12 +94,7 @@ fn geotiff_in_tiles() {
         (324, 4, 4, data - 32),
         (325, 4, 4, data - 16),
     ];
-    bytes.extend((entries.len() as u16).to_le_bytes());
-    for (tag, kind, count, value) in entries {
-        bytes
-            .extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat());
-    }
-    bytes.extend(0u32.to_le_bytes());
+    let mut bytes = common::tiff(&entries);
     (0..4).for_each(|tile| bytes.extend((data + tile * tile_bytes).to_le_bytes()));
     (0..4).for_each(|_| bytes.extend(tile_bytes.to_le_bytes()));
     for tile in 0..4u32 {
@@ -115,6 +111,36 @@ fn geotiff_in_tiles() {
             assert_eq!(field.height_m(x, y), (100 * y + x) as f32);
         }
     }
+}
+
+/// A strip of more bytes than the `tiff` crate reads by itself, in a file that is mostly a hole.
+#[test]
+fn large_strips_are_read_and_the_limit_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.tif");
+    let strip = |(columns, rows): (u32, u32), bits: u32| {
+        let (floating, bytes) = (3, columns.wrapping_mul(rows).wrapping_mul(bits / 8));
+        let entries = [
+            (256u16, 4u16, 1u32, columns),
+            (257, 4, 1, rows),
+            (258, 3, 1, bits),
+            (259, 3, 1, 1),
+            (262, 3, 1, 1),
+            (273, 4, 1, 4096),
+            (277, 3, 1, 1),
+            (278, 4, 1, rows),
+            (279, 4, 1, bytes),
+            (339, 3, 1, floating),
+        ];
+        std::fs::write(&path, common::tiff(&entries)).unwrap();
+        File::options().write(true).open(&path).unwrap().set_len(4096 + u64::from(bytes)).unwrap();
+    };
+    strip((16_384, 4_100), 32);
+    let cropped = load("Dem(file: \"large.tif\", cell_m: 1, crop: (9000, 4000, 2, 2))", folder.path()).unwrap();
+    assert_eq!((cropped.size, cropped.heights_m), (UVec2::splat(2), vec![0.0; 4]));
+    strip((16_384, 16_384), 64);
+    let refused = load("Dem(file: \"large.tif\", cell_m: 1)", folder.path()).unwrap_err().to_string();
+    assert!(refused.contains("strips or tiles of 2147483648 bytes; at most 1073741824"), "{refused}");
 }
 
 #[test]

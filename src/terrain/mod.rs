@@ -5,6 +5,7 @@ mod files;
 mod geotiff;
 mod nodata;
 mod noise;
+mod npy;
 mod shapes;
 
 use std::path::Path;
@@ -125,23 +126,13 @@ fn check_extent(size: (u32, u32), cell_m: (f64, f64)) -> Result<(), TerrainError
     Ok(())
 }
 
-/// Raw samples of a file before any of the user's wishes are applied to them.
-struct Samples {
-    size: (u32, u32),
-    values: Vec<f64>,
-    /// Value of the largest number the sample type holds, for integer types.
-    full_scale: Option<f64>,
-    nodata_value: Option<f64>,
-    cell_m: Option<(f64, f64)>,
-}
-
 fn load_dem(dem: &Dem, folder: &Path) -> Result<HeightField, TerrainError> {
     let path = folder.join(&dem.file);
     let shown = path.display().to_string();
-    let samples = files::read(&path)?;
-    let cell_m = dem.cell_m.map(|cell| cell.xy()).or(samples.cell_m).ok_or(TerrainError::NoCellSize(shown.clone()))?;
-    check_extent(samples.size, cell_m)?;
-    let (offset, scale) = match (dem.height_m, samples.full_scale) {
+    let file = files::open(&path)?;
+    let cell_m = dem.cell_m.map(|cell| cell.xy()).or(file.cell_m).ok_or(TerrainError::NoCellSize(shown.clone()))?;
+    check_extent(file.size, cell_m)?;
+    let (offset, scale) = match (dem.height_m, file.full_scale) {
         (None, _) => (dem.height_offset_m, dem.height_scale_m),
         (Some((low, high)), Some(full)) => (low, (high - low) / full),
         (Some(_), None) => {
@@ -150,59 +141,73 @@ fn load_dem(dem: &Dem, folder: &Path) -> Result<HeightField, TerrainError> {
             )));
         }
     };
-    let nodata_value = dem.nodata_value.or(samples.nodata_value);
-    let heights = samples.values.iter().map(|&value| match nodata_value {
-        Some(none) if value == none => f64::NAN,
-        _ => offset + scale * value,
-    });
-    let mut grid = Grid { size: samples.size, cell_m, heights_m: heights.collect() };
-    if let Some(crop) = dem.crop {
-        grid = grid.crop(crop)?;
-    }
-    nodata::apply(&mut grid.heights_m, grid.size, dem.nodata)?;
+    let nodata_value = dem.nodata_value.or(file.nodata_value);
+    let height = |value: f64| match nodata_value {
+        Some(none) if value == none => f32::NAN,
+        _ => ((offset + scale * value) * dem.vertical_scale) as f32,
+    };
+    let window = Window::new(dem.crop, file.size)?;
+    let mut grid = Grid { size: window.size, cell_m, heights_m: vec![f32::NAN; window.samples()] };
+    let mut put = |column: u32, row: u32, values: &[f64]| window.put(&mut grid.heights_m, column, row, values, height);
+    (file.samples)(&mut put).map_err(|what| files::bad(&path, &what))?;
+    nodata::apply(&mut grid.heights_m, grid.size, dem.nodata, dem.vertical_scale)?;
     if let Some(size) = dem.resample {
         check_extent(size, cell_m)?;
         grid = grid.resample(size);
     }
-    Ok(HeightField {
-        size: grid.size.into(),
-        cell_m: grid.cell_m.into(),
-        heights_m: grid.heights_m.iter().map(|height| (height * dem.vertical_scale) as f32).collect(),
-    })
+    Ok(HeightField { size: grid.size.into(), cell_m: grid.cell_m.into(), heights_m: grid.heights_m })
 }
 
-/// Heights in f64 while they are still being cut and resampled.
-struct Grid {
+/// The part of a file that is kept.
+struct Window {
+    /// Column and row of its first sample.
+    first: (u32, u32),
     size: (u32, u32),
-    cell_m: (f64, f64),
-    heights_m: Vec<f64>,
 }
 
-impl Grid {
-    fn crop(self, crop: (u32, u32, u32, u32)) -> Result<Self, TerrainError> {
+impl Window {
+    fn new(crop: Option<(u32, u32, u32, u32)>, whole: (u32, u32)) -> Result<Self, TerrainError> {
+        let Some(crop) = crop else { return Ok(Self { first: (0, 0), size: whole }) };
         let (column, row, columns, rows) = crop;
         let fits = |start: u32, length: u32, whole: u32| {
             length >= 2 && start.checked_add(length).is_some_and(|end| end <= whole)
         };
-        if !fits(column, columns, self.size.0) || !fits(row, rows, self.size.1) {
-            return Err(TerrainError::Crop(crop, self.size.0, self.size.1));
+        match fits(column, columns, whole.0) && fits(row, rows, whole.1) {
+            true => Ok(Self { first: (column, row), size: (columns, rows) }),
+            false => Err(TerrainError::Crop(crop, whole.0, whole.1)),
         }
-        let width = self.size.0 as usize;
-        let heights_m = (row..row + rows)
-            .flat_map(|row| {
-                let start = row as usize * width + column as usize;
-                self.heights_m[start..start + columns as usize].iter().copied()
-            })
-            .collect();
-        Ok(Self { size: (columns, rows), cell_m: self.cell_m, heights_m })
     }
 
+    fn samples(&self) -> usize {
+        self.size.0 as usize * self.size.1 as usize
+    }
+
+    /// Keeps what is in the window of some samples side by side.
+    fn put(&self, heights_m: &mut [f32], column: u32, row: u32, values: &[f64], height: impl Fn(f64) -> f32) {
+        let Some(row) = row.checked_sub(self.first.1).filter(|&row| row < self.size.1) else { return };
+        let start = row as usize * self.size.0 as usize;
+        let kept = &mut heights_m[start..start + self.size.0 as usize];
+        // of the samples those from the window's first column on, and of the window what is from their first column on
+        let values = values.iter().skip(self.first.0.saturating_sub(column) as usize);
+        let kept = kept.iter_mut().skip(column.saturating_sub(self.first.0) as usize);
+        kept.zip(values).for_each(|(kept, &value)| *kept = height(value));
+    }
+}
+
+/// Heights while they are still being resampled.
+struct Grid {
+    size: (u32, u32),
+    cell_m: (f64, f64),
+    heights_m: Vec<f32>,
+}
+
+impl Grid {
     /// Bilinear; the first and last samples of each side stay where they are.
     fn resample(self, size: (u32, u32)) -> Self {
         let (columns, rows) = self.size;
         let step = |from: u32, to: u32| f64::from(from - 1) / f64::from(to - 1);
         let (step_x, step_y) = (step(columns, size.0), step(rows, size.1));
-        let height = |column: u32, row: u32| self.heights_m[(row * columns + column) as usize];
+        let height = |column: u32, row: u32| f64::from(self.heights_m[(row * columns + column) as usize]);
         let mut heights_m = Vec::with_capacity(size.0 as usize * size.1 as usize);
         for row in 0..size.1 {
             let y = f64::from(row) * step_y;
@@ -213,7 +218,7 @@ impl Grid {
                 let left = (x as u32).min(columns - 2);
                 let u = x - f64::from(left);
                 let along = |row| height(left, row) * (1.0 - u) + height(left + 1, row) * u;
-                heights_m.push(along(top) * (1.0 - v) + along(top + 1) * v);
+                heights_m.push((along(top) * (1.0 - v) + along(top + 1) * v) as f32);
             }
         }
         Self { size, cell_m: (self.cell_m.0 * step_x, self.cell_m.1 * step_y), heights_m }

@@ -52,6 +52,18 @@ pub fn succeeded(output: &Output) {
     assert!(output.status.success(), "{}\n{}", String::from_utf8_lossy(&output.stdout), errors(output));
 }
 
+/// A TIFF of nothing but its tags: number, type (3: u16, 4: u32), count, value.
+pub fn tiff(entries: &[(u16, u16, u32, u32)]) -> Vec<u8> {
+    let mut bytes = b"II*\0\x08\0\0\0".to_vec();
+    bytes.extend((entries.len() as u16).to_le_bytes());
+    for (tag, kind, count, value) in entries {
+        bytes
+            .extend([&tag.to_le_bytes()[..], &kind.to_le_bytes(), &count.to_le_bytes(), &value.to_le_bytes()].concat());
+    }
+    bytes.extend(0u32.to_le_bytes());
+    bytes
+}
+
 /// Elevation data beside the checkout, which need not be there: tests that want it are shown as ignored without it.
 pub fn shared_dem() -> PathBuf {
     Path::new(ROOT).join("../shared/dem")
