@@ -266,11 +266,21 @@ fn file_cases() -> Vec<Case> {
         case("PNG in colour", dem("file: \"colour.png\", cell_m: 30")),
         case("PNG that lies about its size", dem("file: \"liar.png\", cell_m: 30")),
         case("TIFF of garbage", dem("file: \"garbage.tif\", cell_m: 30")),
+        case("TIFF of two planes", dem("file: \"planes.tif\", cell_m: 30")),
+        case("TIFF of bits", dem("file: \"bits.tif\", cell_m: 30")),
         case("hgt of a wrong length", dem("file: \"N47W122.hgt\"")),
         case("hgt without a place", dem("file: \"somewhere.hgt\"")),
         case("zip that is none", dem("file: \"N48W122.hgt.zip\"")),
         case("npy of three dimensions", dem("file: \"cube.npy\", cell_m: 30")),
         case("npy that lies about its size", dem("file: \"liar.npy\", cell_m: 30")),
+        case("npy of nested lists", dem("file: \"lists.npy\", cell_m: 30")),
+        case("npy of nested tuples", dem("file: \"tuples.npy\", cell_m: 30")),
+        case("npy of nested dictionaries", dem("file: \"dictionaries.npy\", cell_m: 30")),
+        case("npy of records", dem("file: \"records.npy\", cell_m: 30")),
+        case("npy with more keys", dem("file: \"keys.npy\", cell_m: 30")),
+        case("npy with a header without end", dem("file: \"header.npy\", cell_m: 30")),
+        case("npy that is none", dem("file: \"good.npy\", cell_m: 30")),
+        case("npy with a word that fills a page", dem("file: \"word.npy\", cell_m: 30")),
         case("npy cut off", dem("file: \"cut.npy\", cell_m: 30")),
         case("npy with NaN", dem("file: \"nan.npy\", cell_m: 30")),
         case("npy all NaN", dem("file: \"empty.npy\", cell_m: 30, nodata: Interpolate")),
@@ -341,6 +351,29 @@ fn kernel_cases() -> Vec<Case> {
     ]
 }
 
+/// What waits for somebody who writes, or has no end.
+#[cfg(unix)]
+fn pipe_cases() -> Vec<Case> {
+    let with = |name, arguments: &[&'static str]| Case { arguments: arguments.to_vec(), ..set(name, &[]) };
+    vec![
+        case("DEM that is a pipe", dem("file: \"pipe.npy\", cell_m: 30")),
+        case("DEM that has no end", dem("file: \"zeros.tif\", cell_m: 30")),
+        case("DEM that is a folder", dem("file: \"folder.png\", cell_m: 30")),
+        case("colours that are a pipe", experiment("viewport:", "colour: Image(file: \"pipe.npy\"), viewport:")),
+        case("kernel that is a pipe", kernel(BIND, OVER).replace("mine.wgsl", "pipe.npy")),
+        with("experiment that is a pipe", &["plan", "pipe.npy"]),
+        with("experiment that has no end", &["run", "zeros.tif"]),
+    ]
+}
+
+#[cfg(unix)]
+fn write_pipes(folder: &Path) {
+    let made = std::process::Command::new("mkfifo").arg(folder.join("pipe.npy")).status().unwrap();
+    assert!(made.success());
+    std::os::unix::fs::symlink("/dev/zero", folder.join("zeros.tif")).unwrap();
+    std::fs::create_dir(folder.join("folder.png")).unwrap();
+}
+
 fn command_cases() -> Vec<Case> {
     let with = |name, arguments: &[&'static str]| Case { arguments: arguments.to_vec(), ..set(name, &[]) };
     vec![
@@ -385,12 +418,22 @@ fn write_files(folder: &Path) {
     let checksum = crc32(&liar[12..29]);
     liar[29..33].copy_from_slice(&checksum.to_be_bytes());
     write("liar.png", &liar);
+    write("planes.tif", &[&grey_tiff(8, 2)[..], &[1, 2, 3, 4, 5, 6, 7, 8]].concat());
+    write("bits.tif", &[&grey_tiff(4, 1)[..], &[1, 2, 3, 4]].concat());
     write("garbage.tif", b"II*\0 this is not a tiff at all");
     write("N47W122.hgt", &[0; 1000]);
     write("somewhere.hgt", &vec![0; 1201 * 1201 * 2]);
     write("N48W122.hgt.zip", b"PK no");
     write("cube.npy", &npy("<f4", "(2, 2, 2)", &[0; 32]));
     write("liar.npy", &npy("<f4", "(1000000, 1000000)", &[0; 16]));
+    write("lists.npy", &npy("<f4", &format!("{}2, 2{}", "[".repeat(100), "]".repeat(100)), &[0; 16]));
+    write("tuples.npy", &npy("<f4", &format!("{}2, 2{}", "(".repeat(4_000), ")".repeat(4_000)), &[0; 16]));
+    write("dictionaries.npy", &npy("<f4", &format!("{}1{}", "{1: ".repeat(100), "}".repeat(100)), &[0; 16]));
+    write("records.npy", &npy_of("[('height', '<f4')]", "(2, 2)", &[0; 16]));
+    write("keys.npy", &npy("<f4", "(2, 2), 'unit': 'm'", &[0; 16]));
+    write("header.npy", &npy("<f4", &format!("(2, 2){}", " ".repeat(20_000)), &[0; 16]));
+    write("good.npy", &png);
+    write("word.npy", &npy_of(&"f".repeat(5_000), "(2, 2)", &[0; 16]));
     write("cut.npy", &npy("<f4", "(4, 4)", &[0; 16]));
     let nan: Vec<u8> = [0.0f32, 1.0, 2.0, f32::NAN].iter().flat_map(|value| value.to_le_bytes()).collect();
     write("nan.npy", &npy("<f4", "(2, 2)", &nan));
@@ -398,8 +441,32 @@ fn write_files(folder: &Path) {
     write("empty.npy", &npy("<f4", "(2, 2)", &empty));
 }
 
+/// The tags of a TIFF of 2 x 2 samples in planes of a strip each, which follow.
+fn grey_tiff(bits: u32, planes: u32) -> Vec<u8> {
+    let after = 8 + 2 + 11 * 12 + 4;
+    // a field has room for two u16
+    let two = |first: u32, second: u32| if planes == 2 { second << 16 | first } else { first };
+    common::tiff(&[
+        (256, 3, 1, 2),
+        (257, 3, 1, 2),
+        (258, 3, 1, bits),
+        (259, 3, 1, 1),
+        (262, 3, 1, 1),
+        (273, 3, planes, two(after, after + 4)),
+        (277, 3, 1, planes),
+        (278, 3, 1, 2),
+        (279, 3, planes, two(4, 4)),
+        (284, 3, 1, planes),
+        (339, 3, 1, 1),
+    ])
+}
+
 fn npy(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
-    let mut header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}");
+    npy_of(&format!("'{descr}'"), shape, data)
+}
+
+fn npy_of(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let mut header = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}");
     while (header.len() + 11) % 64 != 0 {
         header.push(' ');
     }
@@ -419,7 +486,7 @@ fn without_adapter(text: &str) -> String {
     for line in text.lines() {
         match line.split_once("; there are: ") {
             Some((said, _)) => lines.push(format!("{said}; there are: [adapters]")),
-            None => lines.push(line.replace(&between(line, "MB, ", " binds"), "[adapter]")),
+            None => lines.push(line.replace(&between(line, "bytes, ", " binds"), "[adapter]")),
         }
     }
     lines.join("\n")
@@ -441,8 +508,14 @@ fn every_mistake_has_its_diagnostic() {
     assert_eq!(earlier.len(), 3);
 
     let (mut golden, mut wrong) = (String::new(), Vec::new());
-    let cases =
-        [ron_cases(), file_cases(), kernel_cases(), command_cases()].into_iter().flatten().collect::<Vec<Case>>();
+    let cases = [ron_cases(), file_cases(), kernel_cases(), command_cases()];
+    #[cfg(unix)]
+    let cases = {
+        write_pipes(folder.path());
+        let [ron, file, kernel, command] = cases;
+        [ron, file, kernel, command, pipe_cases()]
+    };
+    let cases = cases.into_iter().flatten().collect::<Vec<Case>>();
     assert!(cases.len() >= 40, "{} cases", cases.len());
     for case in cases {
         std::fs::write(folder.path().join("bad.ron"), &case.experiment).unwrap();

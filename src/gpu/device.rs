@@ -204,9 +204,9 @@ impl Gpu {
             if is_array && buffer.bytes() > binding {
                 return Err(GpuError::BufferTooLarge {
                     buffer: buffer.name.clone(),
-                    needed: crate::plan::megabytes(buffer.bytes()),
+                    needed: buffer.bytes(),
                     adapter: adapter(),
-                    limit: crate::plan::megabytes(binding),
+                    limit: binding,
                 });
             }
             let side = buffer.dims.iter().copied().max().unwrap_or(0);

@@ -33,8 +33,9 @@ pub enum GpuError {
     UnknownAdapter { wanted: String, known: Vec<String> },
     #[error("the adapter {adapter} cannot be opened: {why}")]
     Open { adapter: String, why: String },
-    #[error("buffer `{buffer}` needs {needed}, {adapter} binds {limit} at most")]
-    BufferTooLarge { buffer: String, needed: String, adapter: String, limit: String },
+    /// (In full: a megabyte is more than what is too much.)
+    #[error("buffer `{buffer}` needs {needed} bytes, {adapter} binds {limit} at most")]
+    BufferTooLarge { buffer: String, needed: u64, adapter: String, limit: u64 },
     #[error("{what} needs {needed}, {adapter} has {limit}")]
     Limit { what: String, needed: u64, adapter: String, limit: u64 },
     #[error("out of memory while making {0}")]
