@@ -15,6 +15,9 @@ struct Point<'a> {
 
 /// Errors below this are drawn at it: a log axis has no zero, and a thousandth of a pixel is none.
 const SMALLEST_PX: f64 = 1e-4;
+const SMALLEST_MS: f64 = 1e-6;
+/// What is larger, or no number, is no error of a picture and no time of a frame (it would be thirty years), and has no place in the plot.
+const LARGEST: f64 = 1e12;
 
 const COLOURS: [RGBColor; 10] = [
     RGBColor(31, 119, 180),
@@ -48,8 +51,13 @@ pub fn svg(title: &str, records: &[Record]) -> Result<Option<String>, Diagnostic
 }
 
 fn point(record: &Record) -> Option<Point<'_>> {
-    let error_px = record.measure("error_rms")?.max(SMALLEST_PX);
-    Some(Point { chain: &record.chain, label: record.label(), ms: record.frame_ms()?.max(1e-6), error_px })
+    let error_px = placed(record.measure("error_rms")?, SMALLEST_PX)?;
+    Some(Point { chain: &record.chain, label: record.label(), ms: placed(record.frame_ms()?, SMALLEST_MS)?, error_px })
+}
+
+/// Where a number is on its axis, if it has a place there.
+fn placed(value: f64, smallest: f64) -> Option<f64> {
+    (0.0..=LARGEST).contains(&value).then_some(value.max(smallest))
 }
 
 /// Nobody is both faster and more exact.
@@ -154,6 +162,18 @@ mod tests {
         assert_eq!(names, ["a", "b", "d"]);
         // of two equal points both are on it
         assert_eq!(front(&[point("a", 1.0, 1.0), point("b", 1.0, 1.0)]).len(), 2);
+    }
+
+    /// (An axis to the end of all numbers would never be drawn.)
+    #[test]
+    fn what_has_no_place_is_left_out_and_the_widest_plot_ends() {
+        for value in [f64::NAN, f64::INFINITY, -1.0, 1e308] {
+            assert_eq!(placed(value, SMALLEST_MS), None, "{value}");
+        }
+        assert_eq!(placed(0.0, SMALLEST_MS), Some(SMALLEST_MS));
+        let mut text = String::new();
+        draw(&mut text, "title", &[point("a", SMALLEST_MS, SMALLEST_PX), point("a", LARGEST, LARGEST)]).unwrap();
+        assert_eq!(text.matches("<circle").count(), 2);
     }
 
     #[test]
