@@ -258,8 +258,11 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
     }
     // a mistake in the last file should not show after an hour of the first
     let experiments: Vec<Experiment> = files.iter().map(|file| Experiment::load(file)).collect::<Result<_, _>>()?;
+    // the first one's terrains stay in memory until it runs; to keep those of all would take the sum of them
+    let mut ready = None;
     for experiment in &experiments {
-        run::prepare(experiment, &options.settings)?;
+        let prepared = run::prepare(experiment, &options.settings)?;
+        ready.get_or_insert(prepared);
     }
     let gpu = Gpu::open(options.adapter.as_deref())?;
     for (file, experiment) in files.iter().zip(&experiments) {
@@ -269,10 +272,12 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
             Some(out) => out.join(stem),
             None => PathBuf::from("out").join(stem),
         };
+        let prepared = ready.take().map_or_else(|| run::prepare(experiment, &options.settings), Ok)?;
         say!("{} on {}", experiment.title, gpu.summary.name);
         let bar = progress_bar();
         let told = RefCell::new(Vec::new());
-        let outcome = run::run(experiment, &gpu, &folder, options, &|event| show(&bar, &mut told.borrow_mut(), event));
+        let tell = |event| show(&bar, &mut told.borrow_mut(), event);
+        let outcome = run::run(&experiment.title, prepared, &gpu, &folder, options, &tell);
         bar.finish_and_clear();
         let outcome = outcome?;
         say!("{}", table::table(&outcome.records));

@@ -16,7 +16,6 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::experiment::Experiment;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::sweep::Setting;
 use crate::gpu::Gpu;
@@ -84,16 +83,18 @@ pub struct Outcome {
     pub finished: usize,
 }
 
-/// Runs an experiment into a folder. What was computed stays, also if a later cell fails.
+/// Runs the cells of an experiment into a folder. What was computed stays, also if a later cell fails. (Whoever has prepared the cells to
+/// see whether they are in order has their terrains in memory, and reading one can take long.)
 pub fn run(
-    experiment: &Experiment,
+    title: &str,
+    prepared: Vec<Prepared>,
     gpu: &Arc<Gpu>,
     folder: &Path,
     options: &Options,
     tell: &dyn Fn(Event),
 ) -> Result<Outcome, Diagnostic> {
-    let jobs = jobs(prepare(experiment, &options.settings)?, options)?;
-    carry_out(&experiment.title, jobs, gpu, folder, options, tell)
+    let jobs = jobs(prepared, options)?;
+    carry_out(title, jobs, gpu, folder, options, tell)
 }
 
 /// Runs jobs into a folder.
@@ -108,8 +109,8 @@ pub fn carry_out(
     // every cell is planned before the first one runs, so that a mistake shows at once; the plans are made again when they are needed
     let identities = checked(&jobs, gpu, options)?;
     let store = Store::open(folder)?;
-    for path in &store.unreadable {
-        tell(Event::Warning(format!("`{}` is no record of this version, and its cell runs again", path.display())));
+    for (path, why) in &store.refused {
+        tell(Event::Warning(format!("`{}` {why}, so its cell counts as not run", path.display())));
     }
     let is_finished = |identity: &Identity| store.finished(&identity.hash()).is_some();
     let runs_anyway = options.force || !options.dump.is_empty() || !options.pictures.is_empty();
@@ -122,6 +123,7 @@ pub fn carry_out(
     let records = sweep.records(&jobs)?;
     reports::write(title, &store, &records)?;
     result?;
+    store.check_complete(identities.iter().map(Identity::hash))?;
     let ran = sweep.ran.borrow().len();
     Ok(Outcome { records, folder: folder.to_path_buf(), ran, finished })
 }

@@ -6,7 +6,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use common::{errors, lodlab, measure, records, run, succeeded};
-use lodlab::run::{Keep, Setup};
+use lodlab::experiment::{Experiment, diagnostic::Source};
+use lodlab::run::{Event, Keep, Setup};
 
 const SWEEP: &str = r#"
 Experiment(
@@ -295,6 +296,115 @@ fn a_record_that_does_not_parse_is_named() {
     succeeded(&again);
     let said = String::from_utf8_lossy(&again.stdout).to_string();
     assert!(said.contains("is no record of this version") && said.contains("1 cells run"), "{said}");
+}
+
+/// What was read to see whether an experiment is in order is what runs: a large terrain is not read again.
+#[test]
+fn a_terrain_is_read_once_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    image::GrayImage::from_fn(9, 9, |x, y| image::Luma([(x * y) as u8])).save(folder.path().join("dem.png")).unwrap();
+    let text = "Experiment(scene: (terrain: Dem(file: \"dem.png\", cell_m: 10), camera: Still(eye: (40, -30, 90), look_at: (40, 40, 0)), \
+                viewport: (16, 12)), chains: {\"cast\": [HeightPyramid, RayCast]}, measure: [ScreenError])";
+    let experiment = Experiment::read(Source::new("test", text), folder.path().to_path_buf()).unwrap();
+    let prepared = lodlab::run::prepare(&experiment, &[]).unwrap();
+    std::fs::remove_file(folder.path().join("dem.png")).unwrap();
+    let gpu = lodlab::gpu::Gpu::open(None).unwrap();
+    let outcome = lodlab::run::run("once", prepared, &gpu, &folder.path().join("out"), &Default::default(), &|_| ());
+    assert_eq!(outcome.unwrap().ran, 1);
+}
+
+/// A record whose contents are not those that were written under its name is named, and its cell runs again; so is what is no file.
+#[test]
+fn a_record_that_somebody_changed_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let chains =
+        "\"cast\": [HeightPyramid, RayCast], \"grid\": [HeightPyramid, ViewGrid(size: (8, 8)), Project, Rasterize]";
+    let made = records_of(folder.path(), chains, "measure: [ScreenError, Time]", &[]);
+    let path = |record: &serde_json::Value| {
+        folder.path().join(format!("made/cells/{}.json", record["hash"].as_str().unwrap()))
+    };
+    let (cast, grid) = (path(&made[0]), path(&made[1]));
+    let whole = std::fs::read_to_string(&cast).unwrap();
+    let again = |what: &str| {
+        let again = run(folder.path(), &["run", "made.ron", "--out", "made"]);
+        succeeded(&again);
+        let said = String::from_utf8_lossy(&again.stdout).to_string();
+        assert!(said.contains("cells run, 1 finished before") && said.contains(what), "{said}");
+        assert_eq!(said.matches("1 cells run").count(), 1, "{said}");
+    };
+    let adapter = made[0]["identity"]["adapter"].as_str().unwrap();
+    let terrain = made[0]["identity"]["terrain"].as_str().unwrap();
+    for (was, is) in [("\"cast\"", "\"fast\""), ("error_max", "error_min"), (adapter, "another"), (terrain, "another")]
+    {
+        let changed = whole.replace(was, is);
+        assert_ne!(changed, whole, "{was}");
+        std::fs::write(&cast, changed).unwrap();
+        again("is not what was written there, so its cell counts as not run");
+    }
+    // the record of another cell
+    std::fs::copy(&grid, &cast).unwrap();
+    again("is not what was written there");
+    // a record without its digest, as earlier versions wrote it
+    let unsealed = whole.lines().filter(|line| !line.contains("\"digest\"")).collect::<Vec<_>>().join("\n");
+    std::fs::write(&cast, unsealed).unwrap();
+    again("is no record of this version");
+    #[cfg(unix)]
+    {
+        std::fs::remove_file(&cast).unwrap();
+        assert!(std::process::Command::new("mkfifo").arg(&cast).status().unwrap().success());
+        again("cannot be read as a file");
+        std::os::unix::fs::symlink("/dev/zero", folder.path().join("made/cells/zero.json")).unwrap();
+        std::fs::remove_file(&cast).unwrap();
+        again("zero.json` cannot be read as a file");
+    }
+}
+
+/// What a run has written is there when it says that it is done.
+#[test]
+fn files_that_vanish_during_a_run_are_missed() {
+    let text = "Experiment(scene: (terrain: Shape(kind: Sine, size: (9, 9)), camera: Still(eye: (40, -30, 90), look_at: (40, 40, 0)), \
+                viewport: (16, 12)), chains: {\"cast\": [HeightPyramid, RayCast]}, sweep: {\"scene.fov_deg\": [40, 50, 60]}, \
+                measure: [ScreenError])";
+    let experiment = Experiment::read(Source::new("test", text), "".into()).unwrap();
+    let gpu = lodlab::gpu::Gpu::open(None).unwrap();
+    let run_and = |folder: &Path, after_a_cell: &dyn Fn(usize)| {
+        let prepared = lodlab::run::prepare(&experiment, &[]).unwrap();
+        let done = std::cell::Cell::new(0);
+        let tell = |event: Event| {
+            if matches!(event, Event::CellDone { .. }) {
+                done.set(done.get() + 1);
+                after_a_cell(done.get());
+            }
+        };
+        lodlab::run::run("vanishing", prepared, &gpu, folder, &Default::default(), &tell).map(|outcome| outcome.ran)
+    };
+    let cells = |folder: &Path| {
+        std::fs::read_dir(folder.join("cells")).unwrap().flatten().map(|entry| entry.path()).collect::<Vec<_>>()
+    };
+    let home = tempfile::tempdir().unwrap();
+    let (out, moved) = (home.path().join("out"), home.path().join("moved"));
+    let renamed = run_and(&out, &|done| {
+        if done == 2 {
+            std::fs::rename(&out, &moved).unwrap()
+        }
+    })
+    .unwrap_err();
+    assert_eq!(renamed.exit_code(), 1);
+    assert!(
+        renamed.message.contains("files of this run are not in") && renamed.message.contains("cells/"),
+        "{renamed}"
+    );
+    assert_eq!((cells(&moved).len(), cells(&out).len()), (2, 1));
+    // what is missing runs again, and a finished cell that goes meanwhile is missed as well
+    let deleted = run_and(&out, &|done| {
+        if done == 1 {
+            std::fs::remove_dir_all(out.join("cells")).unwrap()
+        }
+    })
+    .unwrap_err();
+    assert!(deleted.message.starts_with("2 of "), "{deleted}");
+    assert_eq!(run_and(&out, &|_| ()).unwrap(), 2);
+    assert_eq!(run_and(&out, &|_| ()).unwrap(), 0);
 }
 
 /// Figures are the same in JSON, CSV and the page.

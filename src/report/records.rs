@@ -1,6 +1,7 @@
 //! One record a cell, written when the cell is done and never half.
 
-use std::collections::BTreeMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,6 +9,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::regular;
 use crate::gpu::AdapterSummary;
 use crate::measure::Measured;
 use crate::measure::time::Spread;
@@ -177,8 +179,42 @@ impl Record {
 pub struct Store {
     pub folder: PathBuf,
     earlier: BTreeMap<String, Record>,
-    /// Files that are no records, or not of this format.
-    pub unreadable: Vec<PathBuf>,
+    /// Files in the place of records that are not taken for one, and why.
+    pub refused: Vec<(PathBuf, &'static str)>,
+    /// Names of the files that were written and have to be there in the end.
+    written: RefCell<BTreeSet<String>>,
+}
+
+/// Letters of the digest that a record's file begins with.
+const DIGEST_LENGTH: usize = 32;
+
+fn digest(rest: &str) -> String {
+    blake3::hash(rest.as_bytes()).to_hex().as_str()[..DIGEST_LENGTH].to_string()
+}
+
+/// The text of a record's file: its first field is the digest of all that follows, so that what somebody changes later is seen.
+fn seal(record: &Record) -> Result<String, serde_json::Error> {
+    let text = serde_json::to_string_pretty(record)?;
+    let rest = text.strip_prefix('{').unwrap_or(&text);
+    Ok(format!("{SEAL_START}{}{SEAL_END}{rest}", digest(rest)))
+}
+
+const SEAL_START: &str = "{\n  \"digest\": \"";
+const SEAL_END: &str = "\",";
+
+/// The record in a file, if it is the one that was written under this name.
+fn unseal(path: &Path) -> Result<Record, &'static str> {
+    let no_record = "is no record of this version";
+    let text = regular::read_to_string(path).map_err(|_| "cannot be read as a file")?;
+    let record: Record = serde_json::from_str(&text).map_err(|_| no_record)?;
+    let sealed =
+        text.strip_prefix(SEAL_START).and_then(|text| text.split_at_checked(DIGEST_LENGTH)).ok_or(no_record)?;
+    let rest = sealed.1.strip_prefix(SEAL_END).ok_or(no_record)?;
+    let is_its_own = path.file_stem().is_some_and(|stem| stem == record.hash.as_str());
+    if digest(rest) != sealed.0 || !is_its_own || record.identity.hash() != record.hash {
+        return Err("is not what was written there");
+    }
+    Ok(record)
 }
 
 impl Store {
@@ -192,21 +228,20 @@ impl Store {
 
     /// The results that are there, to be looked at.
     pub fn look(folder: &Path) -> Result<Self, Diagnostic> {
-        let (mut earlier, mut unreadable) = (BTreeMap::new(), Vec::new());
+        let (mut earlier, mut refused) = (BTreeMap::new(), Vec::new());
         let entries = fs::read_dir(folder.join("cells"))
             .map_err(|error| Diagnostic::input(format!("`{}` is no folder of results: {error}", folder.display())))?;
         for entry in entries.flatten().filter(|entry| entry.path().extension().is_some_and(|kind| kind == "json")) {
-            let text = fs::read_to_string(entry.path()).unwrap_or_default();
-            match serde_json::from_str::<Record>(&text) {
+            match unseal(&entry.path()) {
                 Ok(record) => {
                     earlier.insert(record.hash.clone(), record);
                 }
                 // it is not a finished cell: it is run again and written anew
-                Err(_) => unreadable.push(entry.path()),
+                Err(why) => refused.push((entry.path(), why)),
             }
         }
-        unreadable.sort();
-        Ok(Self { folder: folder.to_path_buf(), earlier, unreadable })
+        refused.sort();
+        Ok(Self { folder: folder.to_path_buf(), earlier, refused, written: RefCell::default() })
     }
 
     /// All records, chain by chain.
@@ -233,24 +268,42 @@ impl Store {
 
     /// The record of a cell as it is on disk now; `None` if the cell is not finished.
     pub fn read(&self, hash: &str) -> Result<Option<Record>, Diagnostic> {
-        let path = self.folder.join(format!("cells/{hash}.json"));
-        let text = match fs::read_to_string(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(Diagnostic::run(format!("cannot read `{}`: {error}", path.display()))),
-        };
-        let unreadable = |error| Diagnostic::run(format!("`{}` is no record of a cell: {error}", path.display()));
-        serde_json::from_str(&text).map(Some).map_err(unreadable)
+        let path = self.folder.join(cell_name(hash));
+        match fs::symlink_metadata(&path) {
+            Ok(_) => unseal(&path).map(Some).map_err(|why| Diagnostic::run(format!("`{}` {why}", path.display()))),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// Looks whether all that was written is there, and the records of cells that were finished before.
+    pub fn check_complete(&self, finished: impl Iterator<Item = String>) -> Result<(), Diagnostic> {
+        let mut names = self.written.borrow().clone();
+        names.extend(finished.map(|hash| cell_name(&hash)));
+        let missing: Vec<&str> =
+            names.iter().map(String::as_str).filter(|name| !self.folder.join(name).is_file()).collect();
+        if missing.is_empty() {
+            return Ok(());
+        }
+        let shown = missing.iter().take(MOST_NAMED).copied().collect::<Vec<_>>().join(", ");
+        let more = missing.len().saturating_sub(MOST_NAMED);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        Err(Diagnostic::run(format!(
+            "{} of {} files of this run are not in `{}` any more: {shown}{more}",
+            missing.len(),
+            names.len(),
+            self.folder.display()
+        ))
+        .help("something removed or renamed them while it ran: run it again, with --force if pictures are among them"))
     }
 
     pub fn save(&self, record: &Record) -> Result<(), Diagnostic> {
-        let json = serde_json::to_vec_pretty(record)
-            .map_err(|error| Diagnostic::run(format!("a record cannot be written: {error}")))?;
-        self.write(&format!("cells/{}.json", record.hash), &json)
+        let text = seal(record).map_err(|error| Diagnostic::run(format!("a record cannot be written: {error}")))?;
+        self.write(&cell_name(&record.hash), text.as_bytes())
     }
 
     /// Removes a file of an earlier run that would not be true any more.
     pub fn remove(&self, name: &str) {
+        self.written.borrow_mut().remove(name);
         // most often it is not there
         let _ = fs::remove_file(self.folder.join(name));
     }
@@ -264,8 +317,17 @@ impl Store {
             file.as_file().sync_all()?;
             file.persist(&path).map_err(|error| error.error)
         });
-        written.map(|_| ()).map_err(|error| cannot_write(&path, &error))
+        written.map_err(|error| cannot_write(&path, &error))?;
+        self.written.borrow_mut().insert(name.to_string());
+        Ok(())
     }
+}
+
+/// Missing files that a message names.
+const MOST_NAMED: usize = 5;
+
+fn cell_name(hash: &str) -> String {
+    format!("cells/{hash}.json")
 }
 
 /// A temporary file that, once it has its name, others can read as they can any other file.
