@@ -120,7 +120,7 @@ pub fn carry_out(
     let sweep = Sweep { title, gpu, store: &store, options, tell, identities: &identities, ran: RefCell::default() };
     let result = sweep.run(&jobs, &must_run);
     // reports are made of what there is, also after a failure
-    let records = sweep.records(&jobs)?;
+    let records = sweep.records(&jobs);
     reports::write(title, &store, &records)?;
     result?;
     store.check_complete(identities.iter().map(Identity::hash))?;
@@ -270,13 +270,13 @@ impl Sweep<'_> {
 
     /// The records of all finished cells, in the order of the file and under its names: an earlier run, or another cell that computes the
     /// same, may have called it something else.
-    fn records(&self, jobs: &[Job]) -> Result<Vec<Record>, Diagnostic> {
+    fn records(&self, jobs: &[Job]) -> Vec<Record> {
         let mut records = Vec::new();
         for (identity, job) in self.identities.iter().zip(jobs) {
-            let Some(record) = self.store.read(&identity.hash())? else { continue };
+            let Some(record) = self.store.read(&identity.hash()) else { continue };
             let (chain, settings) = (job.prepared.cell.chain.clone(), job.prepared.cell.settings.clone());
             records.push(Record { experiment: self.title.into(), chain, settings, ..record });
         }
-        Ok(records)
+        records
     }
 }

@@ -390,10 +390,7 @@ fn files_that_vanish_during_a_run_are_missed() {
     })
     .unwrap_err();
     assert_eq!(renamed.exit_code(), 1);
-    assert!(
-        renamed.message.contains("files of this run are not in") && renamed.message.contains("cells/"),
-        "{renamed}"
-    );
+    assert!(renamed.message.contains("files of this run are gone") && renamed.message.contains("cells/"), "{renamed}");
     assert_eq!((cells(&moved).len(), cells(&out).len()), (2, 1));
     // what is missing runs again, and a finished cell that goes meanwhile is missed as well
     let deleted = run_and(&out, &|done| {
@@ -402,8 +399,14 @@ fn files_that_vanish_during_a_run_are_missed() {
         }
     })
     .unwrap_err();
-    assert!(deleted.message.starts_with("2 of "), "{deleted}");
-    assert_eq!(run_and(&out, &|_| ()).unwrap(), 2);
+    assert!(deleted.message.starts_with("2 files "), "{deleted}");
+    let changed = run_and(&out, &|done| {
+        if done == 1 {
+            std::fs::write(&cells(&out)[0], "another").unwrap();
+        }
+    });
+    assert!(changed.unwrap_err().message.starts_with("1 files "));
+    assert_eq!(run_and(&out, &|_| ()).unwrap(), 1);
     assert_eq!(run_and(&out, &|_| ()).unwrap(), 0);
 }
 

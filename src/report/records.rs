@@ -267,20 +267,18 @@ impl Store {
     }
 
     /// The record of a cell as it is on disk now; `None` if the cell is not finished.
-    pub fn read(&self, hash: &str) -> Result<Option<Record>, Diagnostic> {
-        let path = self.folder.join(cell_name(hash));
-        match fs::symlink_metadata(&path) {
-            Ok(_) => unseal(&path).map(Some).map_err(|why| Diagnostic::run(format!("`{}` {why}", path.display()))),
-            Err(_) => Ok(None),
-        }
+    pub fn read(&self, hash: &str) -> Option<Record> {
+        unseal(&self.folder.join(cell_name(hash))).ok()
     }
 
-    /// Looks whether all that was written is there, and the records of cells that were finished before.
-    pub fn check_complete(&self, finished: impl Iterator<Item = String>) -> Result<(), Diagnostic> {
+    /// Looks whether all that was written is there, and the records of these cells, of which some were finished before.
+    pub fn check_complete(&self, cells: impl Iterator<Item = String>) -> Result<(), Diagnostic> {
         let mut names = self.written.borrow().clone();
-        names.extend(finished.map(|hash| cell_name(&hash)));
-        let missing: Vec<&str> =
-            names.iter().map(String::as_str).filter(|name| !self.folder.join(name).is_file()).collect();
+        let lost = cells.filter(|hash| self.read(hash).is_none()).map(|hash| cell_name(&hash));
+        let lost: BTreeSet<String> = lost.collect();
+        let is_missing = |name: &&str| lost.contains(*name) || !self.folder.join(name).is_file();
+        names.extend(lost.iter().cloned());
+        let missing: Vec<&str> = names.iter().map(String::as_str).filter(is_missing).collect();
         if missing.is_empty() {
             return Ok(());
         }
@@ -288,12 +286,11 @@ impl Store {
         let more = missing.len().saturating_sub(MOST_NAMED);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         Err(Diagnostic::run(format!(
-            "{} of {} files of this run are not in `{}` any more: {shown}{more}",
+            "{} files of this run are gone from `{}` or were changed: {shown}{more}",
             missing.len(),
-            names.len(),
             self.folder.display()
         ))
-        .help("something removed or renamed them while it ran: run it again, with --force if pictures are among them"))
+        .help("something moved them while it ran: run it again, with --force if pictures are among them"))
     }
 
     pub fn save(&self, record: &Record) -> Result<(), Diagnostic> {
