@@ -177,14 +177,28 @@ fn bound(level: u32, node: vec2<i32>, side: f32) -> f32 {
     return ground_highest(index);
 }
 
+/// Whether a ray comes so close to the surface in the cells next to the eye that it may meet it there.
+fn may_meet_foreground(direction_m: vec3<f32>) -> bool {
+    if !HAS_FOREGROUND {
+        return false;
+    }
+    let ray = ray_towards(direction_m);
+    return may_hit_foreground(ray, 0.0, 1.0) || (UNDERSIDE && may_hit_foreground(ray, 0.0, -1.0));
+}
+
+/// Below this, in cells for each metre along the view direction, a ray never leaves its column or row on any terrain.
+const LEVEL: f32 = 1e-30;
+
+fn ray_towards(direction_m: vec3<f32>) -> Ray {
+    let direction = vec3(cells_from_world(params.terrain, direction_m.xy), direction_m.z);
+    let inverse = select(1.0 / direction.xy, vec2(FAR), abs(direction.xy) < vec2(LEVEL));
+    return Ray(direction, inverse, direction.xy >= vec2(0.0));
+}
+
 fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
     let terrain = params.terrain;
-    var ray: Ray;
-    ray.direction = vec3(cells_from_world(terrain, direction_m.xy), direction_m.z);
-    ray.forward = ray.direction.xy >= vec2(0.0);
-    // below 1e-30 a ray never leaves its column or row on any terrain
-    let level_ray = abs(ray.direction.xy) < vec2(1e-30);
-    ray.inverse = select(1.0 / ray.direction.xy, vec2(FAR), level_ray);
+    let ray = ray_towards(direction_m);
+    let level_ray = abs(ray.direction.xy) < vec2(LEVEL);
 
     // the part of the ray over the terrain
     let last = vec2<i32>(terrain.size) - 1;

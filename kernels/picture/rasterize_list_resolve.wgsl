@@ -17,8 +17,8 @@ struct Params {
 /// The mesh has a proven bound.
 override PROVEN: bool = false;
 
-/// What is beside a triangle is not in its bound (on a cliff, a 256th of a pixel aside is another place): there, a mesh with a bound
-/// shows the surface itself.
+/// Whether a ray meets a triangle at its rim is not known (on a cliff, a hair's breadth aside is another place), nor on which side of a
+/// triangle next to it an eye is that stands on the surface: there, a mesh with a bound shows the surface itself.
 @compute @workgroup_size(8, 8)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.camera.viewport) {
@@ -28,9 +28,9 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     var seen = select(bitcast<f32>(bits & ~BESIDE), NO_SURFACE, bits == 0u);
     if PROVEN {
         // a loop and no condition: software adapters go through both sides of those
-        var casts = (bits & BESIDE) != 0u;
+        let ray = view_ray_of_pixel(params.camera, id.xy);
+        var casts = (bits & BESIDE) != 0u || may_meet_foreground(ray);
         while casts {
-            let ray = view_ray_of_pixel(params.camera, id.xy);
             let t = first_hit(ray, 0.0);
             seen = select(t * length(ray), NO_SURFACE, t >= FAR);
             casts = false;

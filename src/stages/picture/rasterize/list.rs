@@ -25,7 +25,7 @@ pub(super) fn plan(chain: &mut Chain, list: List<BufferId>) -> Result<Drawn<Buff
         traversal::check(chain)?;
     }
     let kernel = chain.kernel("picture/rasterize_list.wgsl")?;
-    let draw = chain.step("draw", &kernel, "draw");
+    let draw = chain.step("draw", &kernel, "draw").constant("PROVEN", f64::from(is_proven));
     draw.set("near_m", NEAR_M).bind("triangle", list.triangle).draw_list(list.count, drawn, "keep")?;
     let (columns, rows) = chain.data.scene.viewport;
     let kernel = chain.kernel("picture/rasterize_list_resolve.wgsl")?;

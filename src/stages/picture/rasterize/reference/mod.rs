@@ -38,7 +38,7 @@ impl Reference for Rasterize {
             if triangles.is_open {
                 return ((f64::NAN, f64::INFINITY), (f64::NAN, 0.0));
             }
-            let hit = triangles.nearest(frame, pixel);
+            let hit = triangles.seen(frame, pixel);
             let Some(threshold_px) = threshold_px else { return (hit.distance, (f64::NAN, 0.0)) };
             if is_loose {
                 return ((f64::NAN, f64::INFINITY), (f64::NAN, f64::INFINITY));

@@ -6,7 +6,11 @@ use super::super::list;
 use crate::frame::view::near_m;
 use crate::reference::{Frame, Values};
 use crate::stages::shared::border::border_margin_m;
+use crate::stages::shared::first_hit::first_hit;
 use crate::stages::shared::rounding::{ANY_ADAPTER_SNAP_PX, EPSILON};
+
+/// `RIM` of `kernels/picture/rasterize_list.wgsl`.
+const RIM: f64 = 9.5e-7;
 
 pub(super) struct Triangles {
     pub(super) triangles: Vec<[DVec3; 3]>,
@@ -97,8 +101,24 @@ impl Triangles {
         self.found_m.len() == self.triangles.len()
     }
 
+    /// What a pixel shows: the nearest triangle on its ray, or the surface where a mesh with a bound is cast.
+    pub(super) fn seen(&self, frame: &Frame, pixel: DVec2) -> Hit {
+        let mut hit = self.nearest(frame, pixel);
+        if self.casts_beside && frame.data.has_foreground {
+            let ((value, bound), (surface, surface_bound)) = (hit.distance, first_hit(frame, pixel));
+            let apart = (value - surface).abs();
+            let is_same = value.is_nan() && surface.is_nan();
+            hit.distance.1 = match (is_same, apart.is_nan()) {
+                (true, _) => bound,
+                (false, true) => f64::INFINITY,
+                (false, false) => bound.max(apart + surface_bound),
+            };
+        }
+        hit
+    }
+
     /// The nearest triangle on a pixel's ray.
-    pub(super) fn nearest(&self, frame: &Frame, pixel: DVec2) -> Hit {
+    fn nearest(&self, frame: &Frame, pixel: DVec2) -> Hit {
         let view = View::new(frame, pixel);
         let (mut value, mut bound, mut nearest) = (f64::INFINITY, f64::MIN_POSITIVE, None);
         // hits that the rasterizer may or may not see
@@ -135,20 +155,36 @@ impl Triangles {
         inside.into_iter().fold(f64::MAX, f64::min)
     }
 
+    /// How wide the rim of a triangle is in which the kernel leaves open, for rounding, what a ray meets; in pixels.
+    fn rim_px(&self, view: &View, number: usize) -> f64 {
+        if !self.casts_beside {
+            return 0.0;
+        }
+        let View { ray, right, down, .. } = *view;
+        let [a, b, c] = self.triangles[number];
+        let wide = |from: DVec3, to: DVec3| {
+            let side = from.cross(to);
+            let pixels = DVec2::new(side.dot(right), side.dot(down)).length();
+            2.0 * RIM * ray.length() * from.length() * (to - from).length() / pixels.max(1e-300)
+        };
+        wide(b, c).max(wide(c, a)).max(wide(a, b))
+    }
+
     /// Where a ray meets one triangle, or passes so close beside it that a rasterizer may draw it.
     fn meet(&self, view: &View, number: usize) -> Option<Met> {
         let View { frame, ray, right, down } = *view;
         let ([a, b, c], bound_m) = (self.triangles[number], self.bounds_m[number]);
         let margin = self.margin_px(view, number);
-        let slack =
-            ANY_ADAPTER_SNAP_PX + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9);
+        let slack = ANY_ADAPTER_SNAP_PX
+            + bound_m / (a.length().min(b.length()).min(c.length()) * right.length()).max(1e-9)
+            + self.rim_px(view, number);
         if margin < -slack {
             return None;
         }
         let normal = (b - a).cross(c - a);
         let steep = normal.dot(ray);
         let (t, rim_off) = self.depth(view, number, margin < slack, margin < 0.0);
-        let in_front = t * frame.camera.forward().dot(ray) > self.near_m;
+        let in_front = t * frame.camera.forward().dot(ray) >= self.near_m;
         if !in_front || steep == 0.0 {
             return None;
         }
@@ -187,9 +223,11 @@ impl Triangles {
         let weights = DVec3::from([b.cross(c), c.cross(a), a.cross(b)].map(|edge| side * edge.dot(ray)));
         let inside = weights.max(DVec3::ZERO);
         let rim = (inside.dot(depths.into()) / inside.element_sum()).max(near.max(0.0)).min(far);
-        // a bound is kept by looking at the surface itself there
-        let rim_off = if self.casts_beside { f64::INFINITY } else { (rim - t).abs() * ray.length() };
-        (if is_beside { rim } else { t }, rim_off)
+        // a bound is kept by looking at the surface itself there, whatever else is behind the nearest corner
+        if self.casts_beside {
+            return (near.max(self.near_m), f64::INFINITY);
+        }
+        (if is_beside { rim } else { t }, (rim - t).abs() * ray.length())
     }
 }
 
