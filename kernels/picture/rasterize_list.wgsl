@@ -4,7 +4,7 @@
 //!include ground
 //!include lib/beside.wgsl
 // A list of triangles between samples to the pixels it covers. Each fragment intersects its pixel's ray with the plane of its triangle,
-// whose corners come with the first vertex and are not interpolated, so distances do not depend on how a GPU interpolates.
+// which comes with the first vertex and is not interpolated, so distances do not depend on how a GPU interpolates.
 //
 // A rasterizer moves corners to a grid of its own, and a near triangle can lose a pixel at its silhouette by that. What is behind it can be
 // anything. A mesh with a bound is therefore drawn a little larger than it is, and the ray decides which pixels are a triangle's.
@@ -37,12 +37,17 @@ fn sample_at(key: u32) -> vec3<f32> {
     return vec3(ground, relative_height(params.terrain, ground_height(sample)));
 }
 
-/// A triangle of a list: a corner, and the other two from there.
+/// A triangle of a list, as the planes that decide what a ray from the eye meets. Next to its side opposite to a corner, `ray . xyz` is the
+/// weight of that corner, positive inside, and at the triangle's rim if it is not more than w times the ray's length.
 struct Listed {
     @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat, first) a: vec3<f32>,
-    @location(1) @interpolate(flat, first) to_b: vec3<f32>,
-    @location(2) @interpolate(flat, first) to_c: vec3<f32>,
+    @location(0) @interpolate(flat, first) side_a: vec4<f32>,
+    @location(1) @interpolate(flat, first) side_b: vec4<f32>,
+    @location(2) @interpolate(flat, first) side_c: vec4<f32>,
+    /// Its own plane: normal, and the normal times a corner.
+    @location(3) @interpolate(flat, first) plane: vec4<f32>,
+    /// Of its corners, along the view direction.
+    @location(4) @interpolate(flat, first) depths: vec3<f32>,
 }
 
 /// Along the picture's axes, relative to the eye: pixels at a distance of 1, pixels at a distance of 1, and metres.
@@ -68,17 +73,33 @@ fn larger_by(corner: vec3<f32>, to_next: vec3<f32>, to_last: vec3<f32>) -> vec2<
 @vertex
 fn draw(@builtin(vertex_index) index: u32) -> Listed {
     let keys = triangle[index / 3u];
-    // the same computation for each corner, so that triangles that share one have the same bits there
-    let world = sample_at(keys[index % 3u]);
-    var view = vec3(dot(params.view.right, world), dot(params.view.up, world), dot(params.view.forward, world));
     let a = sample_at(keys.x);
+    let b = sample_at(keys.y);
+    let c = sample_at(keys.z);
+    let which = vec3(index % 3u);
+    // triangles that share a corner have the same bits there
+    let world = select(select(c, b, which == vec3(1u)), a, which == vec3(0u));
+    var view = vec3(dot(params.view.right, world), dot(params.view.up, world), dot(params.view.forward, world));
     if PROVEN {
-        let next = sample_at(keys[(index + 1u) % 3u]) - world;
-        let last = sample_at(keys[(index + 2u) % 3u]) - world;
-        let larger = larger_by(pixels_of(world), pixels_of(next), pixels_of(last)) / params.view.focal_px;
+        let next = select(select(a, c, which == vec3(1u)), b, which == vec3(0u));
+        let last = select(select(b, a, which == vec3(1u)), c, which == vec3(0u));
+        let larger = larger_by(pixels_of(world), pixels_of(next - world), pixels_of(last - world)) / params.view.focal_px;
         view += vec3(larger, 0.0);
     }
-    return Listed(vec4(view.xy / params.view.half_tan, params.near_m, view.z), a, sample_at(keys.y) - a, sample_at(keys.z) - a);
+    let plane = plane_of(a, b - a, c - a);
+    let depths = vec3(dot(params.view.forward, a), dot(params.view.forward, b), dot(params.view.forward, c));
+    return Listed(vec4(view.xy / params.view.half_tan, params.near_m, view.z), side_of(b, c - b, plane.w),
+                  side_of(c, a - c, plane.w), side_of(a, b - a, plane.w), plane, depths);
+}
+
+fn plane_of(a: vec3<f32>, to_b: vec3<f32>, to_c: vec3<f32>) -> vec4<f32> {
+    let normal = cross(to_b, to_c);
+    return vec4(normal, dot(normal, a));
+}
+
+/// The plane through the eye and a side.
+fn side_of(corner: vec3<f32>, to_next: vec3<f32>, volume: f32) -> vec4<f32> {
+    return vec4(sign(volume) * cross(corner, to_next), RIM * length(corner) * length(to_next));
 }
 
 /// Where a pixel's ray meets a triangle that was drawn there.
@@ -92,28 +113,21 @@ struct Met {
 }
 
 fn meet(ray: vec3<f32>, drawn: Listed) -> Met {
-    let normal = cross(drawn.to_b, drawn.to_c);
-    let volume = dot(normal, drawn.a);
-    // which side of the planes through the eye and an edge the ray is on: weights of the corners a, b, c
-    let weights = sign(volume) * vec3(dot(ray, cross(drawn.a + drawn.to_b, drawn.to_c - drawn.to_b)),
-                                      -dot(ray, cross(drawn.a, drawn.to_c)), dot(ray, cross(drawn.a, drawn.to_b)));
-    let a = dot(params.view.forward, drawn.a);
-    let depths = vec3(a, a + dot(params.view.forward, drawn.to_b), a + dot(params.view.forward, drawn.to_c));
+    let weights = vec3(dot(ray, drawn.side_a.xyz), dot(ray, drawn.side_b.xyz), dot(ray, drawn.side_c.xyz));
+    let depths = drawn.depths;
     let nearest = max(min(depths.x, min(depths.y, depths.z)), 0.0);
+    let farthest = max(depths.x, max(depths.y, depths.z));
+    let met = drawn.plane.w / dot(drawn.plane.xyz, ray);
+    if PROVEN {
+        let rim = length(ray) * vec3(drawn.side_a.w, drawn.side_b.w, drawn.side_c.w);
+        let beside = !all(weights > rim);
+        return Met(clamp(select(met, nearest, beside), nearest, farthest), beside, any(weights < -rim));
+    }
     let inside = max(weights, vec3(0.0));
     let sum = inside.x + inside.y + inside.z;
-    var rim = select(nearest, dot(inside, depths) / sum, sum > 0.0);
-    var slack = vec3(0.0);
-    if PROVEN {
-        rim = nearest;
-        let b = drawn.a + drawn.to_b;
-        let c = drawn.a + drawn.to_c;
-        slack = RIM * length(ray) * vec3(length(b) * length(drawn.to_c - drawn.to_b), length(c) * length(drawn.to_c),
-                                              length(drawn.a) * length(drawn.to_b));
-    }
-    let beside = !all(weights > slack);
-    let t = select(volume / dot(normal, ray), rim, beside);
-    return Met(clamp(t, nearest, max(depths.x, max(depths.y, depths.z))), beside, any(weights < -slack));
+    let rim = select(nearest, dot(inside, depths) / sum, sum > 0.0);
+    let beside = !all(weights > vec3(0.0));
+    return Met(clamp(select(met, rim, beside), nearest, farthest), beside, false);
 }
 
 struct Fragment {
