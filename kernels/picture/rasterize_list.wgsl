@@ -23,8 +23,9 @@ struct Params {
 /// The mesh has a proven bound.
 override PROVEN: bool = false;
 
-/// By how much each triangle of a mesh with a bound is drawn larger, in pixels: more than a rasterizer moves its corners.
-const LARGER_PX: f32 = 0.015625;
+/// By how much each triangle of a mesh with a bound is drawn larger, in pixels: more than any rasterizer moves its corners
+/// (Vulkan allows it a sixteenth of a pixel as the grid that they are moved to, and SwiftShader has that).
+const LARGER_PX: f32 = 0.0625;
 /// A ray closer to a side than this part of the lengths that are multiplied is at the triangle's rim: it is beside it or not by rounding.
 const RIM: f32 = 9.5e-7;
 /// A triangle whose sides enclose a smaller angle, in radians, has no inside that a ray could tell.
@@ -141,9 +142,8 @@ struct Fragment {
 fn keep(drawn: Listed) -> Fragment {
     let ray = view_ray_of_pixel(params.camera, vec2<u32>(drawn.position.xy));
     let met = meet(ray, drawn);
-    if PROVEN && met.outside {
-        discard;
-    }
     let beside = select(0u, BESIDE, met.beside);
-    return Fragment(bitcast<u32>(met.t * length(ray)) | beside, min(params.near_m / met.t, 1.0));
+    // nothing is farther than the depth 0, so that what is there stays there
+    let depth = select(min(params.near_m / met.t, 1.0), 0.0, met.outside);
+    return Fragment(bitcast<u32>(met.t * length(ray)) | beside, depth);
 }

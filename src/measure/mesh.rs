@@ -15,11 +15,15 @@ use crate::plan::{BufferId, Chain};
 
 pub const INFO: Info = Info {
     name: "Mesh",
-    summary: "triangles, cracks, folded triangles and the largest cell of the mesh that was drawn; of a list also its pinholes",
-    version: 2,
+    summary: "triangles, cracks, folded triangles and the largest cell of the mesh that was drawn; of a list also its pinholes, the pixels through which one sees",
+    version: 3,
     parameters: schema::<Mesh>,
     read: read_as::<Mesh>,
-    columns: &[Column { heading: "triangles", figure: "triangles", show: Show::Count }],
+    columns: &[
+        Column { heading: "triangles", figure: "triangles", show: Show::Count },
+        Column { heading: "cracks", figure: "cracks", show: Show::Count },
+        Column { heading: "pinholes", figure: "pinholes", show: Show::Count },
+    ],
 };
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
@@ -134,7 +138,7 @@ impl Summary {
         let mesh = list.placed(ground, camera);
         self.cracks += list.cracks();
         if let Some((drawn_m, true_m)) = drawn_and_true_m {
-            *self.pinholes.get_or_insert_default() += pinholes::count(&mesh, camera, drawn_m, true_m);
+            *self.pinholes.get_or_insert_default() += pinholes::count(&mesh, &list.gaps(ground, camera), camera, drawn_m, true_m);
         }
         self.add_uncracked(&mesh, ground, camera);
     }

@@ -3,6 +3,7 @@
 //! A measure is a file and a word in the list below. It says which buffers it needs, looks at every frame, and gives figures with units;
 //! it has no device. Run, reports and `lodlab stages` loop over the list.
 
+mod distribution;
 pub mod figures;
 mod missed;
 pub mod pinholes;
@@ -39,6 +40,7 @@ macro_rules! measures {
 
 measures! {
     screen_error,
+    drawn_error,
     image,
     time,
     mesh,

@@ -13,25 +13,24 @@ const NEAREST_M: f64 = 2e-4;
 /// Rows of pixels that are looked at together.
 const BAND: u32 = 16;
 
-/// Pixels that `drawn_m` (distances along their rays in metres, negative for none) shows behind the mesh, although all rays
-/// around them meet it before. A pixel that shows what there is to see is none, wherever the mesh is.
-pub fn count(mesh: &Triangles, camera: &Camera, drawn_m: &[f32], true_m: &[f32]) -> usize {
-    let triangles: Vec<Triangle> = mesh.corners.iter().filter_map(|corners| Triangle::new(corners, camera)).collect();
+/// Pixels through which one sees: those that `drawn_m` (distances along their rays in metres, negative for none) shows behind a gap between
+/// the mesh's triangles, whatever it is that stands there, and those that it shows behind the mesh itself, although all rays around them meet
+/// the mesh before; of these, one that shows what there is to see is none.
+pub fn count(mesh: &Triangles, gaps: &Triangles, camera: &Camera, drawn_m: &[f32], true_m: &[f32]) -> usize {
     let (width_px, height_px) = camera.viewport;
-    let bands = height_px.div_ceil(BAND);
-    let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); bands as usize];
-    for (number, triangle) in triangles.iter().enumerate() {
-        let (first, last) = (triangle.rows.0 / BAND, triangle.rows.1.min(height_px - 1) / BAND);
-        (first..=last).for_each(|band| of_band[band as usize].push(number as u32));
-    }
+    let (mesh, gaps) = (Bands::new(mesh, camera), Bands::new(gaps, camera));
     let in_band = |band: u32| {
-        let listed: Vec<&Triangle> = of_band[band as usize].iter().map(|&number| &triangles[number as usize]).collect();
+        let (listed, open) = (mesh.listed(band), gaps.listed(band));
         let rows = band * BAND..((band + 1) * BAND).min(height_px);
+        let nearest_gap = nearest(&open, camera, rows.clone());
         let nearest = nearest(&listed, camera, rows.clone());
         let pixels = rows.flat_map(|y| (0..width_px).map(move |x| (x, y)));
-        let is_hole = |&((x, y), near): &((u32, u32), f64)| {
+        let is_hole = |&((x, y), (near, gap)): &((u32, u32), (f64, f64))| {
             let drawn = f64::from(drawn_m[(y * width_px + x) as usize]);
             let is_behind = |near: f64| near.is_finite() && (drawn < 0.0 || drawn > near * (1.0 + 1e-3) + 1e-3);
+            if is_behind(gap) {
+                return true;
+            }
             let truth = f64::from(true_m[(y * width_px + x) as usize]);
             let is_true = drawn < 0.0 && truth < 0.0 || (drawn - truth).abs() <= 1e-5 * truth;
             if is_true || !is_behind(near) {
@@ -41,9 +40,33 @@ pub fn count(mesh: &Triangles, camera: &Camera, drawn_m: &[f32], true_m: &[f32])
             let farthest = hits.iter().copied().fold(near, f64::max);
             hits.into_iter().all(is_behind) && !shows_rim(&listed, camera, (x, y), farthest, drawn)
         };
-        pixels.zip(nearest).filter(is_hole).count()
+        pixels.zip(nearest.into_iter().zip(nearest_gap)).filter(is_hole).count()
     };
-    (0..bands).into_par_iter().map(in_band).sum()
+    (0..height_px.div_ceil(BAND)).into_par_iter().map(in_band).sum()
+}
+
+/// Triangles by the bands of rows that they may cover.
+struct Bands {
+    triangles: Vec<Triangle>,
+    of_band: Vec<Vec<u32>>,
+}
+
+impl Bands {
+    fn new(mesh: &Triangles, camera: &Camera) -> Self {
+        let triangles: Vec<Triangle> =
+            mesh.corners.iter().filter_map(|corners| Triangle::new(corners, camera)).collect();
+        let height_px = camera.viewport.1;
+        let mut of_band: Vec<Vec<u32>> = vec![Vec::new(); height_px.div_ceil(BAND) as usize];
+        for (number, triangle) in triangles.iter().enumerate() {
+            let (first, last) = (triangle.rows.0 / BAND, triangle.rows.1.min(height_px - 1) / BAND);
+            (first..=last).for_each(|band| of_band[band as usize].push(number as u32));
+        }
+        Self { triangles, of_band }
+    }
+
+    fn listed(&self, band: u32) -> Vec<&Triangle> {
+        self.of_band[band as usize].iter().map(|&number| &self.triangles[number as usize]).collect()
+    }
 }
 
 fn around(x: u32, y: u32) -> impl Iterator<Item = DVec2> {

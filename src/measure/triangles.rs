@@ -104,6 +104,51 @@ impl Listed {
     /// more than two triangles. Where the picture ends there are edges with one triangle, and that is no crack: there is nothing
     /// on their other side.
     pub fn cracks(&self) -> usize {
+        let (odd, open) = self.open_edges();
+        let mut cracks = odd;
+        for line in open.chunk_by(|a, b| (a.is_upright, a.line) == (b.is_upright, b.line)) {
+            let mut reached = [0, 0];
+            for edge in line {
+                // the other side has an edge that ends after this one begins
+                cracks += usize::from(reached[usize::from(!edge.side)] > edge.from);
+                let own = &mut reached[usize::from(edge.side)];
+                *own = (*own).max(edge.to);
+            }
+        }
+        cracks
+    }
+
+    /// What is open between two edges of a crack: they are over each other, and a ray that passes between them meets one of these triangles,
+    /// which stand upright and are no part of the mesh. Relative to the eye.
+    pub fn gaps(&self, ground: &dyn Ground, camera: &Camera) -> Triangles {
+        let (_, open) = self.open_edges();
+        let place = |edge: &Open, at: u32| {
+            let end = |along: u32| {
+                let sample = if edge.is_upright { UVec2::new(edge.line, along) } else { UVec2::new(along, edge.line) };
+                ground.sample_m(sample) - camera.eye_m
+            };
+            end(edge.from).lerp(end(edge.to), f64::from(at - edge.from) / f64::from(edge.to - edge.from))
+        };
+        let mut gaps = Triangles::default();
+        for line in open.chunk_by(|a, b| (a.is_upright, a.line) == (b.is_upright, b.line)) {
+            let (mut these, mut others) =
+                (line.iter().filter(|edge| edge.side).peekable(), line.iter().filter(|edge| !edge.side).peekable());
+            while let (Some(this), Some(other)) = (these.peek(), others.peek()) {
+                let (from, to) = (this.from.max(other.from), this.to.min(other.to));
+                if from < to {
+                    let [a, b, c, d] = [(this, from), (this, to), (other, to), (other, from)]
+                        .map(|(edge, at)| place(edge, at).as_vec3().to_array());
+                    gaps.corners.extend([[a, b, c], [a, c, d]]);
+                }
+                if this.to <= other.to { these.next() } else { others.next() };
+            }
+        }
+        gaps
+    }
+
+    /// How many edges have two triangles on one side or cross a block with a triangle on one side only, and the edges along a block that have
+    /// a triangle on one side only, in the order of their lines.
+    fn open_edges(&self) -> (usize, Vec<Open>) {
         let key = |sample: UVec2| sample.to_array();
         let directed = self.corners.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
         // both ends, and which side the triangle is on
@@ -112,31 +157,30 @@ impl Listed {
             .map(|(a, b)| if key(a) <= key(b) { (key(a), key(b), true) } else { (key(b), key(a), false) })
             .collect();
         edges.sort_unstable();
-        let mut cracks = 0;
-        // edges with a triangle on one side only, by the line they are on: upright or not, where, from, to, which side
-        let mut open: Vec<(bool, u32, u32, u32, bool)> = Vec::new();
+        let (mut odd, mut open) = (0, Vec::new());
         for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             let ([ax, ay], [bx, by], side) = same[0];
             match same {
-                [_] if ax == bx => open.push((true, ax, ay, by, side)),
-                [_] if ay == by => open.push((false, ay, ax, bx, side)),
+                [_] if ax == bx => open.push(Open { is_upright: true, line: ax, from: ay, to: by, side }),
+                [_] if ay == by => open.push(Open { is_upright: false, line: ay, from: ax, to: bx, side }),
                 [first, second] if first.2 != second.2 => {}
-                // two on one side, or an open edge across a block
-                _ => cracks += 1,
+                _ => odd += 1,
             }
         }
         open.sort_unstable();
-        for line in open.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            let mut reached = [0, 0];
-            for &(_, _, from, to, side) in line {
-                // the other side has an edge that ends after this one begins
-                cracks += usize::from(reached[usize::from(!side)] > from);
-                let own = &mut reached[usize::from(side)];
-                *own = (*own).max(to);
-            }
-        }
-        cracks
+        (odd, open)
     }
+}
+
+/// An edge with a triangle on one side only, along a column or a row of samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Open {
+    is_upright: bool,
+    /// The column, or the row.
+    line: u32,
+    from: u32,
+    to: u32,
+    side: bool,
 }
 
 #[cfg(test)]
