@@ -1,9 +1,11 @@
 //! The command line, and the only place that prints.
 
 use std::cell::RefCell;
+use std::collections::HashMap;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use clap::{Parser, Subcommand};
@@ -261,8 +263,10 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
     // the first one's terrains stay in memory until it runs; to keep those of all would take the sum of them
     let mut ready = None;
     for experiment in &experiments {
-        let prepared = run::prepare(experiment, &options.settings)?;
-        ready.get_or_insert(prepared);
+        match ready {
+            None => ready = Some(run::prepare(experiment, &options.settings)?),
+            Some(_) => run::prepare_each(experiment, &options.settings)?.try_for_each(|cell| cell.map(|_| ()))?,
+        }
     }
     let gpu = Gpu::open(options.adapter.as_deref())?;
     for (file, experiment) in files.iter().zip(&experiments) {
@@ -344,13 +348,16 @@ fn show(bar: &ProgressBar, told: &mut Vec<String>, event: Event) {
 fn show_plans(file: &std::path::Path, settings: Vec<Setting>) -> Result<(), Diagnostic> {
     let experiment = Experiment::load(file)?;
     let options = Options { settings, ..Options::default() };
-    let mut shown: Vec<(String, Vec<String>)> = Vec::new();
-    for prepared in run::prepare(&experiment, &options.settings)? {
-        let (label, text) = (prepared.cell.label(), explain(&run::plan(&prepared, &options)?));
-        match shown.iter_mut().find(|(known, _)| *known == text) {
-            Some((_, labels)) => labels.push(label),
-            None => shown.push((text, vec![label])),
+    let mut shown: Vec<(Rc<str>, Vec<String>)> = Vec::new();
+    let mut places: HashMap<Rc<str>, usize> = HashMap::new();
+    for prepared in run::prepare_each(&experiment, &options.settings)? {
+        let prepared = prepared?;
+        let text: Rc<str> = explain(&run::plan(&prepared, &options)?).into();
+        let at = *places.entry(text.clone()).or_insert(shown.len());
+        if at == shown.len() {
+            shown.push((text, Vec::new()));
         }
+        shown[at].1.push(prepared.cell.label());
     }
     for (text, labels) in shown {
         say!("{}\n{text}", labels.join("\n"));

@@ -25,7 +25,7 @@ use crate::report::records::{Identity, Record, Store};
 pub use overflow::Overflow;
 
 pub use job::{Job, jobs};
-pub use setup::{Keep, Prepared, Scenes, Setup, Tap, Tapped, plan, prepare};
+pub use setup::{Keep, Prepared, Scenes, Setup, Tap, Tapped, plan, prepare, prepare_each};
 pub use truth::{Truth, plan as truth_plan};
 
 #[derive(Clone, Debug, Default)]

@@ -6,7 +6,7 @@ use glam::{DVec3, UVec2};
 
 use crate::camera::{self, Camera};
 use crate::experiment::scene::Scene;
-use crate::ground::{Ground, Samples, foreground};
+use crate::ground::{Ground, foreground};
 use crate::kernel::{Elem, Packing};
 use crate::terrain::{ColourMap, HeightField};
 
@@ -138,9 +138,13 @@ impl Input {
 }
 
 impl SceneData {
-    /// A scene with the cameras of its path.
-    pub fn new(scene: Scene, terrain: Arc<HeightField>, colours: Option<Arc<ColourMap>>) -> Self {
-        let ground: Arc<dyn Ground> = Arc::new(Samples::new(terrain.clone(), scene.surface));
+    /// A scene with the cameras of its path; the ground is that of the terrain.
+    pub fn new(
+        scene: Scene,
+        ground: Arc<dyn Ground>,
+        terrain: Arc<HeightField>,
+        colours: Option<Arc<ColourMap>>,
+    ) -> Self {
         let cameras = camera::path(&scene, ground.as_ref());
         let inputs = [Some(Input::heights(terrain)), colours.map(Input::colours)].into_iter().flatten().collect();
         let views = Views::Any;

@@ -2,12 +2,15 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use lodlab::experiment::Experiment;
 use lodlab::experiment::diagnostic::{Diagnostic, Source};
 use lodlab::experiment::sweep::read_setting;
 use lodlab::experiment::tree::Node;
 use lodlab::plan::Plan;
 use lodlab::run::{Keep, Setup};
+use lodlab::scene::COLOUR_MAP;
 
 use common::{ROOT, run, succeeded};
 
@@ -74,6 +77,32 @@ fn axes_multiply_and_zipped_ones_do_not() {
     assert_eq!(product.iter().filter(|cell| cell.starts_with('a')).count(), 6);
     let zipped = cells("\"a.HeightPyramid.max_level, scene.fov_deg\": [(1, 30), (2, 40)]", &[]);
     assert_eq!(zipped, ["a 1 30", "a 2 40", "b 30", "b 40", "c 30", "c 40"]);
+}
+
+/// A sweep of tens of thousands of cells is not in memory at once.
+#[test]
+fn a_cell_is_made_when_its_turn_comes() {
+    let experiment = experiment("\"scene.fov_deg\": [30, wide]").unwrap();
+    let made: Vec<bool> = experiment.each_cell(&[]).unwrap().map(|cell| cell.is_ok()).collect();
+    assert_eq!(made, [true, false, true, false, true, false]);
+    assert!(experiment.cells(&[]).is_err());
+}
+
+/// What is large of a scene is made once, however many cameras look at it.
+#[test]
+fn scenes_of_one_terrain_share_what_is_made_of_it() {
+    let text = r#"Experiment(
+        scene: (terrain: Shape(kind: Sine, size: (9, 9)), colour: Cover(), camera: Still(eye: (0, 0, 2000))),
+        chains: {"cast": [HeightPyramid, RayCast, Shade]},
+        sweep: {"scene.fov_deg": [30, 60], "scene.surface": [Triangles, Bilinear]},
+    )"#;
+    let experiment = Experiment::read(Source::new("sweep.ron", text), "".into()).unwrap();
+    let cells = lodlab::run::prepare(&experiment, &[]).unwrap_or_else(|error| panic!("{error}"));
+    let data: Vec<_> = cells.iter().map(|cell| &cell.data).collect();
+    let maps: Vec<_> = data.iter().map(|data| data.input(COLOUR_MAP).unwrap().bytes().as_ptr()).collect();
+    assert!(maps.iter().all(|map| *map == maps[0]));
+    assert!(Arc::ptr_eq(&data[0].ground, &data[2].ground) && Arc::ptr_eq(&data[1].ground, &data[3].ground));
+    assert!(!Arc::ptr_eq(&data[0].ground, &data[1].ground), "another surface is another ground");
 }
 
 #[test]

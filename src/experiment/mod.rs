@@ -1,5 +1,6 @@
 //! One RON file: what is looked at, which chains of stages draw it, what is varied and what is measured.
 
+mod cells;
 pub mod diagnostic;
 mod edit;
 pub mod parameters;
@@ -9,12 +10,13 @@ mod scene_limits;
 pub mod sweep;
 pub mod tree;
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use diagnostic::{Diagnostic, Origin, Source};
 use scene::Scene;
-use sweep::{Axis, Setting};
+use sweep::Axis;
 use tree::{Field, Kind, Node};
 
 /// An experiment file, read as far as it can be read without knowing its stages.
@@ -97,57 +99,9 @@ impl Experiment {
         Ok(Self { title, folder, chain_names, axes, root, source })
     }
 
-    /// All cells, chain by chain in the order of the file. `settings` are the `--set` arguments; they win
-    /// over the file, and take the place of an axis over the same path.
-    pub fn cells(&self, settings: &[Setting]) -> Result<Vec<Cell>, Diagnostic> {
-        self.check_paths(self.axes.iter().flat_map(|axis| axis.paths.iter().map(|path| (path, &axis.key))))?;
-        self.check_paths(settings.iter().map(|setting| (&setting.path, &setting.key)))?;
-        let mut cells = Vec::new();
-        for chain in &self.chain_names {
-            let axes = self.free_axes(chain, settings)?;
-            for swept in sweep::product(&axes, |path| self.resolve(chain, path).is_some())? {
-                cells.push(self.cell(chain, &swept, settings)?);
-            }
-        }
-        Ok(cells)
-    }
-
-    /// The axes that no setting takes the place of, for one chain. Two axes may not change the same thing: the
-    /// labels of the cells would say what only one of them did.
-    fn free_axes(&self, chain: &str, settings: &[Setting]) -> Result<Vec<Axis>, Diagnostic> {
-        let both = |a: &str, b: &str| Some((self.resolve(chain, a)?, self.resolve(chain, b)?));
-        let overlap = |a: &str, b: &str| both(a, b).is_some_and(|(a, b)| a.starts_with(&b) || b.starts_with(&a));
-        // a setting inside of what an axis sets goes on top of each of its values
-        let replaces =
-            |setting: &str, axis: &str| both(setting, axis).is_some_and(|(setting, axis)| axis.starts_with(&setting));
-        let mut free: Vec<Axis> = Vec::new();
-        for axis in &self.axes {
-            let set = |path: &&String| settings.iter().any(|setting| replaces(&setting.path, path));
-            match axis.paths.iter().filter(set).count() {
-                0 => {}
-                count if count == axis.paths.len() => continue,
-                _ => {
-                    return Err(Diagnostic::input(format!(
-                        "`--set` fixes one path of the zipped axis `{}`",
-                        axis.name
-                    ))
-                    .at(&axis.key, "set all of its paths, or none"));
-                }
-            }
-            let same = |other: &&Axis| axis.paths.iter().any(|a| other.paths.iter().any(|b| overlap(a, b)));
-            if let Some(other) = free.iter().find(same) {
-                return Err(Diagnostic::input(format!("`{}` and `{}` change the same thing", other.name, axis.name))
-                    .at(&axis.key, "this axis")
-                    .at(&other.key, "and this one"));
-            }
-            free.push(axis.clone());
-        }
-        Ok(free)
-    }
-
     fn check_paths<'a>(&self, paths: impl Iterator<Item = (&'a String, &'a Origin)>) -> Result<(), Diagnostic> {
         for (path, key) in paths {
-            if !self.chain_names.iter().any(|chain| self.resolve(chain, path).is_some()) {
+            if !self.chains().any(|(chain, _, stages)| resolve(&self.root, chain, stages.items(), path).is_some()) {
                 return Err(self.no_match(path, key));
             }
         }
@@ -160,7 +114,7 @@ impl Experiment {
         let message = Diagnostic::input(format!("`{path}` matches nothing in this experiment"))
             .at(key, "expected chain.Stage.field, scene.field or measure.Name.field");
         if known.clone().any(|name| name == first) {
-            let stages = self.chain_names.iter().flat_map(|chain| self.stage_nodes(chain)).filter_map(Node::name);
+            let stages = self.chains().flat_map(|(_, _, stages)| stages.items()).filter_map(Node::name);
             let mut stages: Vec<&str> = stages.collect();
             stages.sort_unstable();
             stages.dedup();
@@ -172,54 +126,43 @@ impl Experiment {
 
     /// The path from the root of the tree for a path as the user writes it, for one chain.
     fn resolve(&self, chain: &str, path: &str) -> Option<Vec<String>> {
-        let parts: Vec<&str> = path.split('.').collect();
-        let own = |parts: &[&str]| parts.iter().map(|part| part.to_string()).collect::<Vec<_>>();
-        match parts.as_slice() {
-            ["scene", _, ..] => Some(plain(&self.root, &parts)),
-            ["measure", name, _, ..] => {
-                let at = self.root.field("measure").and_then(|node| position(node, name))?;
-                Some([own(&["measure", &at.to_string()]), own(&parts[2..])].concat())
-            }
-            [named, stage, _, ..] if *named == chain || *named == "*" => {
-                let (stage, nth) = match stage.split_once('#') {
-                    Some((stage, nth)) => (stage, nth.parse::<usize>().ok()?.checked_sub(1)?),
-                    None => (*stage, 0),
-                };
-                let stages = self.stage_nodes(chain);
-                let (at, _) = stages.iter().enumerate().filter(|(_, node)| node.name() == Some(stage)).nth(nth)?;
-                Some([own(&["chains", chain, &at.to_string()]), own(&parts[2..])].concat())
-            }
-            _ => None,
-        }
+        resolve(&self.root, chain, self.stage_nodes(chain), path)
     }
 
     fn stage_nodes(&self, chain: &str) -> &[Node] {
         chain_node(&self.root, chain).unwrap_or_default()
     }
 
-    fn cell(&self, chain: &str, swept: &[Setting], settings: &[Setting]) -> Result<Cell, Diagnostic> {
-        let mut root = self.root.clone();
-        for setting in swept.iter().chain(settings) {
-            if let Some(path) = self.resolve(chain, &setting.path) {
-                let path: Vec<&str> = path.iter().map(String::as_str).collect();
-                root.set(&path, &setting.key, &setting.value)?;
-            }
-        }
-        let scene_node = required(&root, "scene", &self.source)?;
-        let scene: Scene = scene_node.parse()?;
-        scene_limits::check(&scene, scene_node)?;
-        let stages = chain_node(&root, chain).unwrap_or_default();
-        let stages = stages.iter().map(read_stage).collect::<Result<_, _>>()?;
-        let measures = match root.field("measure") {
-            Some(node) => read_measures(node)?,
-            None => read_measures(&Node::read(&Source::new("default measures", DEFAULT_MEASURES))?)?,
+    /// The chains in the order of the file: names, where these stand, and lists of stages.
+    fn chains(&self) -> impl Iterator<Item = (&str, &Node, &Node)> {
+        let entries = match self.root.field("chains").map(|node| &node.kind) {
+            Some(Kind::Map(entries)) => entries.as_slice(),
+            _ => &[],
         };
-        let swept = swept.iter().map(|setting| (setting.path.clone(), setting.value.canonical())).collect();
-        let measures_origin = root.field("measure").map_or(root.head(), |node| node.origin.clone());
-        let scene_node = scene_node.clone();
-        let reuse = root.field("reuse").map_or(Ok(false), Node::parse)?;
-        let chain = chain.to_string();
-        Ok(Cell { chain, settings: swept, scene, scene_node, measures_origin, stages, measures, reuse })
+        let named = self.chain_names.iter().zip(entries);
+        named.map(|(name, (key, stages))| (name.as_str(), key, stages))
+    }
+}
+
+/// The path from a root for a path as the user writes it, for a chain of some stages.
+fn resolve(root: &Node, chain: &str, stages: &[Node], path: &str) -> Option<Vec<String>> {
+    let parts: Vec<&str> = path.split('.').collect();
+    let own = |parts: &[&str]| parts.iter().map(|part| part.to_string()).collect::<Vec<_>>();
+    match parts.as_slice() {
+        ["scene", _, ..] => Some(plain(root, &parts)),
+        ["measure", name, _, ..] => {
+            let at = root.field("measure").and_then(|node| position(node, name))?;
+            Some([own(&["measure", &at.to_string()]), own(&parts[2..])].concat())
+        }
+        [named, stage, _, ..] if *named == chain || *named == "*" => {
+            let (stage, nth) = match stage.split_once('#') {
+                Some((stage, nth)) => (stage, nth.parse::<usize>().ok()?.checked_sub(1)?),
+                None => (*stage, 0),
+            };
+            let (at, _) = stages.iter().enumerate().filter(|(_, node)| node.name() == Some(stage)).nth(nth)?;
+            Some([own(&["chains", chain, &at.to_string()]), own(&parts[2..])].concat())
+        }
+        _ => None,
     }
 }
 
@@ -265,13 +208,14 @@ fn chain_names(node: &Node) -> Result<Vec<String>, Diagnostic> {
             .at(&node.origin, "expected `{ \"name\": [Stage(...), ...] }`"));
     };
     let mut names: Vec<String> = Vec::new();
+    let mut known = HashSet::new();
     for (key, stages) in entries {
         let name: String = key.parse()?;
         if key.origin.text() != format!("\"{name}\"") {
             return Err(Diagnostic::input("the name of a chain is written plainly")
                 .at(&key.origin, "expected \"name\" without escapes"));
         }
-        if names.contains(&name) {
+        if !known.insert(name.clone()) {
             return Err(Diagnostic::input(format!("there are two chains called `{name}`")).at(&key.origin, "again"));
         }
         if name.is_empty() || name == "*" || name == "scene" || name == "measure" || name.contains(['.', ',', '/']) {
@@ -293,10 +237,7 @@ fn chain_names(node: &Node) -> Result<Vec<String>, Diagnostic> {
 fn chain_node<'a>(root: &'a Node, chain: &str) -> Option<&'a [Node]> {
     let Kind::Map(entries) = &root.field("chains")?.kind else { return None };
     let (_, stages) = entries.iter().find(|(key, _)| key.origin.text().trim_matches('"') == chain)?;
-    match &stages.kind {
-        Kind::List(items) => Some(items),
-        _ => None,
-    }
+    Some(stages.items())
 }
 
 fn read_stage(node: &Node) -> Result<StageCall, Diagnostic> {
@@ -307,10 +248,7 @@ fn read_stage(node: &Node) -> Result<StageCall, Diagnostic> {
 }
 
 fn position(list: &Node, name: &str) -> Option<usize> {
-    match &list.kind {
-        Kind::List(items) => items.iter().position(|item| item.name() == Some(name)),
-        _ => None,
-    }
+    list.items().iter().position(|item| item.name() == Some(name))
 }
 
 fn read_measures(node: &Node) -> Result<Vec<MeasureCall>, Diagnostic> {

@@ -1,5 +1,6 @@
 //! Sweep axes to cells: every parameter of an experiment can be an axis.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use serde::Deserialize;
@@ -27,8 +28,8 @@ pub struct Setting {
     pub value: Node,
 }
 
-/// The more an experiment asks for, the more likely it is a slip; 100 000 cells take days.
-const MOST_CELLS: usize = 100_000;
+/// Cells that an experiment has at most. The more it asks for, the more likely it is a slip: so many take days.
+pub const MOST_CELLS: usize = 50_000;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -52,6 +53,10 @@ pub fn read_axes(node: &Node) -> Result<Vec<Axis>, Diagnostic> {
 fn read_axis(key: &Node, values: &Node) -> Result<Axis, Diagnostic> {
     let name: String = key.parse()?;
     let paths: Vec<String> = name.split(',').map(|path| path.trim().to_string()).collect();
+    if values.items().len() > MOST_CELLS {
+        return Err(Diagnostic::input(format!("this axis has {} values", values.items().len()))
+            .at(&key.origin, format!("expected at most {MOST_CELLS}")));
+    }
     let rows = match &values.kind {
         Kind::List(items) if paths.len() == 1 => items.iter().map(|item| vec![item.clone()]).collect(),
         Kind::List(items) => items.iter().map(|item| zipped_row(item, paths.len())).collect::<Result<_, _>>()?,
@@ -62,15 +67,14 @@ fn read_axis(key: &Node, values: &Node) -> Result<Axis, Diagnostic> {
         _ => spaced(values)?,
     };
     let rows: Vec<Vec<Node>> = rows;
-    let mut seen: Vec<String> = Vec::new();
+    let mut seen = HashSet::new();
     for row in &rows {
         let text = row.iter().map(Node::canonical).collect::<Vec<_>>().join(" ");
-        if seen.contains(&text) {
+        if let Some(text) = seen.replace(text) {
             return Err(
                 Diagnostic::input(format!("this axis has the value {text} twice")).at(&values.origin, "in here")
             );
         }
-        seen.push(text);
     }
     if rows.is_empty() {
         return Err(Diagnostic::input("this axis has no values, so nothing would run").at(&values.origin, "empty"));
@@ -146,33 +150,45 @@ pub fn read_setting(argument: &str) -> Result<Setting, Diagnostic> {
     Ok(Setting { path: argument[..equals].trim().to_string(), value: Node::read_from(&source, equals + 1)?, key })
 }
 
-/// The product of all axes that concern a chain. `concerns` says whether a path exists in it.
-pub fn product(axes: &[Axis], concerns: impl Fn(&str) -> bool) -> Result<Vec<Vec<Setting>>, Diagnostic> {
-    let mut cells = vec![Vec::new()];
-    for axis in axes {
-        let paths: Vec<usize> = (0..axis.paths.len()).filter(|&at| concerns(&axis.paths[at])).collect();
-        if paths.is_empty() {
-            continue;
+/// All combinations of the values of some axes; those of the last axis change first.
+pub struct Product<'a> {
+    /// Each axis with those of its paths that count.
+    axes: Vec<(&'a Axis, Vec<usize>)>,
+    count: usize,
+}
+
+impl<'a> Product<'a> {
+    /// Refuses more combinations than an experiment may have, before one is made.
+    pub fn new(axes: Vec<(&'a Axis, Vec<usize>)>) -> Result<Self, Diagnostic> {
+        let mut count: usize = 1;
+        for (axis, _) in &axes {
+            count = count.saturating_mul(axis.rows.len());
+            if count > MOST_CELLS {
+                return Err(Diagnostic::input(format!("this sweep has more than {MOST_CELLS} cells"))
+                    .at(&axis.key, "with this axis")
+                    .help("leave an axis out, or zip axes that belong together"));
+            }
         }
-        if cells.len().saturating_mul(axis.rows.len()) > MOST_CELLS {
-            return Err(Diagnostic::input(format!("this sweep has more than {MOST_CELLS} cells"))
-                .at(&axis.key, "with this axis")
-                .help("leave an axis out, or zip axes that belong together"));
-        }
-        let setting = |row: &Vec<Node>, at: usize| Setting {
-            path: axis.paths[at].clone(),
-            key: axis.key.clone(),
-            value: row[at].clone(),
-        };
-        cells = cells
-            .iter()
-            .flat_map(|cell: &Vec<Setting>| {
-                let paths = &paths;
-                axis.rows
-                    .iter()
-                    .map(move |row| cell.iter().cloned().chain(paths.iter().map(|&at| setting(row, at))).collect())
-            })
-            .collect();
+        Ok(Self { axes, count })
     }
-    Ok(cells)
+
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The settings of one of the combinations, from 0.
+    pub fn settings(&self, at: usize) -> Vec<Setting> {
+        let mut following = self.count;
+        let mut settings = Vec::new();
+        for (axis, paths) in &self.axes {
+            following /= axis.rows.len();
+            let row = &axis.rows[at / following % axis.rows.len()];
+            settings.extend(paths.iter().map(|&path| Setting {
+                path: axis.paths[path].clone(),
+                key: axis.key.clone(),
+                value: row[path].clone(),
+            }));
+        }
+        settings
+    }
 }

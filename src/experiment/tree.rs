@@ -4,6 +4,7 @@
 //! can put a value written on one line into a field written on another, and a mistake in it is still
 //! reported where the user wrote it. [`Node::parse`] hands a node back to `ron` for the typed reading.
 
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -80,6 +81,14 @@ impl Node {
         match &self.kind {
             Kind::Struct { fields, .. } => fields.iter().find(|field| field.name == name).map(|field| &field.value),
             _ => None,
+        }
+    }
+
+    /// What stands in a list; nothing if this is none.
+    pub fn items(&self) -> &[Node] {
+        match &self.kind {
+            Kind::List(items) => items,
+            _ => &[],
         }
     }
 
@@ -470,15 +479,16 @@ impl<'a> Reader<'a> {
             return Ok(Kind::Tuple { name, items: self.sequence(')')? });
         }
         let mut fields: Vec<Field> = Vec::new();
+        let mut known: HashMap<&str, Range<usize>> = HashMap::new();
         while !self.closes(')')? {
             if !self.field_follows()? {
                 return Err(self.expected("a field `name: value`"));
             }
             let key = self.identifier();
-            if let Some(first) = fields.iter().find(|first| first.name == key.text()) {
+            if let Some(first) = known.insert(&self.source.text[key.range.clone()], key.range.clone()) {
                 return Err(Diagnostic::input(format!("the field `{}` is given twice", key.text()))
                     .at(&key, "a second time")
-                    .at(&first.origin, "first here"));
+                    .at(&self.origin(first), "first here"));
             }
             self.skip_blank()?;
             self.at += 1;

@@ -2,6 +2,7 @@
 //! Runs, ground truth, checks, tests and benches all set up here.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -13,6 +14,7 @@ use crate::experiment::sweep::Setting;
 use crate::experiment::tree::Node;
 use crate::experiment::{Cell, Experiment, StageCall};
 use crate::gpu::{Executor, Gpu, GpuError};
+use crate::ground::{Ground, Samples};
 use crate::measure::{self, Chosen};
 use crate::plan::{ANY_ADAPTER_BINDS, BufferId, Capacities, Chain, Demand, Plan};
 use crate::scene::SceneData;
@@ -29,15 +31,35 @@ pub struct Prepared {
 
 /// Reads all cells of an experiment as far as it goes without a device: every mistake in the file shows here.
 pub fn prepare(experiment: &Experiment, settings: &[Setting]) -> Result<Vec<Prepared>, Diagnostic> {
-    let mut scenes = Scenes::default();
-    experiment.cells(settings)?.into_iter().map(|cell| scenes.prepare(cell, &experiment.folder)).collect()
+    prepare_each(experiment, settings)?.collect()
 }
+
+/// The same cells, each read when its turn comes: a large sweep is not in memory at once.
+pub fn prepare_each<'a>(
+    experiment: &'a Experiment,
+    settings: &'a [Setting],
+) -> Result<impl Iterator<Item = Result<Prepared, Diagnostic>> + use<'a>, Diagnostic> {
+    let mut scenes = Scenes::default();
+    let cells = experiment.each_cell(settings)?;
+    Ok(cells.map(move |cell| {
+        let prepared = scenes.prepare(cell?, &experiment.folder)?;
+        scenes.check_frames(&prepared.cell)?;
+        Ok(prepared)
+    }))
+}
+
+/// Frames that the camera paths of an experiment have at most, all together: their cameras take a gigabyte.
+const MOST_FRAMES: usize = 5_000_000;
 
 /// Terrains and scenes that are in memory: cells that look at the same share it.
 #[derive(Default)]
 pub struct Scenes {
     terrains: BTreeMap<String, Arc<HeightField>>,
+    grounds: BTreeMap<String, Arc<dyn Ground>>,
+    colours: BTreeMap<String, Arc<ColourMap>>,
     scenes: BTreeMap<String, Arc<SceneData>>,
+    /// Frames of all scenes in memory.
+    frames: usize,
 }
 
 impl Scenes {
@@ -50,7 +72,8 @@ impl Scenes {
         let data = match self.scenes.get(&key) {
             Some(data) => data.clone(),
             None => {
-                let data = Arc::new(load_scene(&cell, folder, &mut self.terrains)?);
+                let data = Arc::new(self.load(&cell, folder)?);
+                self.frames += data.cameras().len();
                 self.scenes.insert(key, data.clone());
                 data
             }
@@ -60,12 +83,66 @@ impl Scenes {
 
     /// Forgets what nobody else has, if there is much of it.
     pub fn keep_few(&mut self, most: usize) {
-        if self.scenes.len() > most {
-            self.scenes.retain(|_, data| Arc::strong_count(data) > 1);
+        keep_few(&mut self.scenes, most);
+        self.frames = self.scenes.values().map(|data| data.cameras().len()).sum();
+        keep_few(&mut self.grounds, most);
+        keep_few(&mut self.colours, most);
+        keep_few(&mut self.terrains, most);
+    }
+
+    /// Refuses more frames than can be in memory, once a cell has brought too many.
+    fn check_frames(&self, cell: &Cell) -> Result<(), Diagnostic> {
+        if self.frames <= MOST_FRAMES {
+            return Ok(());
         }
-        if self.terrains.len() > most {
-            self.terrains.retain(|_, terrain| Arc::strong_count(terrain) > 1);
+        let camera = cell.scene_node.field("camera").unwrap_or(&cell.scene_node).head();
+        let message = format!("the camera paths of this experiment have more than {MOST_FRAMES} frames, all together");
+        Err(Diagnostic::input(message)
+            .at(&camera, "with this path once more, in another scene")
+            .help("take fewer frames, sweep less of the scene, or make several experiments of it"))
+    }
+
+    fn load(&mut self, cell: &Cell, folder: &Path) -> Result<SceneData, Diagnostic> {
+        let key = format!("{:?}", cell.scene.terrain);
+        let part = |name: &str| cell.scene_node.field(name).unwrap_or(&cell.scene_node);
+        let bad = |name: &'static str| move |error: TerrainError| in_scene(&error, part(name));
+        let load = || HeightField::load(&cell.scene.terrain, folder).map_err(bad("terrain"));
+        let terrain = known(&mut self.terrains, key.clone(), || load().map(Arc::new))?;
+        let surface = cell.scene.surface;
+        let samples = || -> Arc<dyn Ground> { Arc::new(Samples::new(terrain.clone(), surface)) };
+        let ground = known(&mut self.grounds, format!("{surface:?} {key}"), || Ok(samples()))?;
+        let colours = match &cell.scene.colour {
+            None => None,
+            Some(colour) => {
+                let load = || ColourMap::load(colour, &terrain, folder).map_err(bad("colour"));
+                Some(known(&mut self.colours, format!("{colour:?} {key}"), || load().map(Arc::new))?)
+            }
+        };
+        let data = SceneData::new(cell.scene.clone(), ground, terrain, colours);
+        if !data.cameras().iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
+            return Err(Diagnostic::input("the camera path has a place that is not a number")
+                .at(&part("camera").head(), "this path"));
         }
+        Ok(data)
+    }
+}
+
+/// What is known by a key, made if it is not known.
+fn known<T: Clone>(
+    all: &mut BTreeMap<String, T>,
+    key: String,
+    make: impl FnOnce() -> Result<T, Diagnostic>,
+) -> Result<T, Diagnostic> {
+    Ok(match all.entry(key) {
+        Entry::Occupied(entry) => entry.get().clone(),
+        Entry::Vacant(entry) => entry.insert(make()?).clone(),
+    })
+}
+
+/// Forgets what nobody else has, if there are more than so many.
+fn keep_few<T: ?Sized>(all: &mut BTreeMap<String, Arc<T>>, most: usize) {
+    if all.len() > most {
+        all.retain(|_, shared| Arc::strong_count(shared) > 1);
     }
 }
 
@@ -82,44 +159,12 @@ fn in_scene(error: &TerrainError, node: &Node) -> Diagnostic {
     Diagnostic { help: error.help().map(str::to_string), ..diagnostic }
 }
 
-fn load_scene(
-    cell: &Cell,
-    folder: &Path,
-    terrains: &mut BTreeMap<String, Arc<HeightField>>,
-) -> Result<SceneData, Diagnostic> {
-    let key = format!("{:?}", cell.scene.terrain);
-    let terrain = match terrains.get(&key) {
-        Some(terrain) => terrain.clone(),
-        None => {
-            let node = cell.scene_node.field("terrain").unwrap_or(&cell.scene_node);
-            let loaded = HeightField::load(&cell.scene.terrain, folder).map_err(|error| in_scene(&error, node))?;
-            let loaded = Arc::new(loaded);
-            terrains.insert(key, loaded.clone());
-            loaded
-        }
-    };
-    let colours = match &cell.scene.colour {
-        None => None,
-        Some(colour) => {
-            let node = cell.scene_node.field("colour").unwrap_or(&cell.scene_node);
-            let loaded = ColourMap::load(colour, &terrain, folder).map_err(|error| in_scene(&error, node))?;
-            Some(Arc::new(loaded))
-        }
-    };
-    let data = SceneData::new(cell.scene.clone(), terrain, colours);
-    let path = cell.scene_node.field("camera").unwrap_or(&cell.scene_node).head();
-    if !data.cameras().iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
-        return Err(Diagnostic::input("the camera path has a place that is not a number").at(&path, "this path"));
-    }
-    Ok(data)
-}
-
 impl Prepared {
     /// The first cell of an experiment.
     fn first(text: String, folder: PathBuf, settings: &[Setting]) -> Result<Self, Diagnostic> {
         let experiment = Experiment::read(Source::new("setup", text), folder)?;
-        let first = prepare(&experiment, settings)?.into_iter().next();
-        first.ok_or_else(|| Diagnostic::input("this experiment has no cell"))
+        let first = prepare_each(&experiment, settings)?.next();
+        first.unwrap_or_else(|| Err(Diagnostic::input("this experiment has no cell")))
     }
 
     /// The chain with all of its stages stated.
