@@ -1,12 +1,14 @@
 //! A user's mistake, told in the user's own file: what was found, what was expected, what to do.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
 
 use codespan_reporting::diagnostic as codespan;
-use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
+
+use super::excerpt::{Excerpt, Excerpts};
 
 /// A text a mistake can be in: an experiment file, a kernel, one `--set` argument.
 #[derive(Debug, PartialEq, Eq)]
@@ -98,30 +100,52 @@ impl Diagnostic {
     /// "did you mean" for a name that is not among the known ones.
     pub fn suggest<'a>(self, found: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         let known: Vec<&str> = known.into_iter().collect();
-        let close =
-            known.iter().max_by(|a, b| strsim::jaro_winkler(found, a).total_cmp(&strsim::jaro_winkler(found, b)));
+        // to compare two names takes the product of their lengths
+        let is_name = |name: &str| name.len() <= LONGEST_NAME;
+        let likeness = |name: &str| match is_name(found) && is_name(name) {
+            true => strsim::jaro_winkler(found, name),
+            false => 0.0,
+        };
+        let close = known.iter().map(|name| (likeness(name), name)).max_by(|(a, _), (b, _)| a.total_cmp(b));
         match close {
-            Some(name) if strsim::jaro_winkler(found, name) > 0.8 => self.help(format!("did you mean `{name}`?")),
+            Some((likeness, name)) if likeness > 0.8 => self.help(format!("did you mean `{name}`?")),
             _ if known.is_empty() => self.help("there are none here"),
             _ => self.help(format!("known: {}", known.join(", "))),
         }
     }
 }
 
+/// Bytes of what can be a slip of a name.
+const LONGEST_NAME: usize = 100;
+/// Characters of a message, a label or a help; names and values in it can be as long as the file.
+const LONGEST: usize = 1000;
+
+/// A text without its middle if it is too long: both its ends say something.
+fn shortened(text: &str) -> Cow<'_, str> {
+    let count = text.chars().count();
+    if count <= LONGEST {
+        return text.into();
+    }
+    let (head, tail) = (2 * LONGEST / 3, LONGEST / 3);
+    let byte = |at: usize| text.char_indices().nth(at).map_or(text.len(), |(byte, _)| byte);
+    format!("{} … {}", &text[..byte(head)], &text[byte(count - tail)..]).into()
+}
+
 impl fmt::Display for Diagnostic {
     /// The whole diagnostic with its source lines, as it is shown to the user, without colours.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut files = SimpleFiles::new();
-        let mut labels = Vec::new();
+        let (mut excerpts, mut labels) = (Vec::new(), Vec::new());
         for (index, (origin, text)) in self.labels.iter().enumerate() {
-            let id = files.add(origin.source.name.as_str(), origin.source.text.as_str());
+            let (excerpt, place) = Excerpt::new(origin);
+            excerpts.push(excerpt);
             let style = if index == 0 { codespan::LabelStyle::Primary } else { codespan::LabelStyle::Secondary };
-            labels.push(codespan::Label::new(style, id, origin.range.clone()).with_message(text));
+            labels.push(codespan::Label::new(style, index, place).with_message(shortened(text)));
         }
+        let files = Excerpts(excerpts);
         let report = codespan::Diagnostic::error()
-            .with_message(&self.message)
+            .with_message(shortened(&self.message))
             .with_labels(labels)
-            .with_notes(self.help.iter().map(|help| format!("help: {help}")).collect());
+            .with_notes(self.help.iter().map(|help| format!("help: {}", shortened(help))).collect());
         let config = term::Config::default();
         let shown = term::emit_into_string(&config, &files, &report).map_err(|_| fmt::Error)?;
         f.write_str(shown.trim_end())

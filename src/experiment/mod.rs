@@ -3,6 +3,7 @@
 mod cells;
 pub mod diagnostic;
 mod edit;
+mod excerpt;
 pub mod parameters;
 pub mod regular;
 pub mod scene;
