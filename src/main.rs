@@ -1,8 +1,11 @@
-//! The command line, and the only place that prints.
+//! The command line; what it prints goes through `output`.
+
+mod output;
+mod threads;
 
 use std::cell::RefCell;
 use std::collections::HashMap;
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::rc::Rc;
@@ -22,11 +25,9 @@ use lodlab::report::table;
 use lodlab::run::{self, Event, Options};
 use lodlab::{measure, stages};
 
-/// Prints a line; a reader that went away (`| head`) is no failure.
+/// Prints a line to standard output.
 macro_rules! say {
-    ($($what:tt)*) => {{
-        let _ = writeln!(std::io::stdout(), $($what)*);
-    }};
+    ($($what:tt)*) => { output::say(format_args!($($what)*)) };
 }
 
 /// Experiments with GPU terrain level of detail: error against run time.
@@ -207,7 +208,37 @@ fn quiet_driver() {
 
 fn main() -> ExitCode {
     quiet_driver();
-    let result = match Cli::parse().command {
+    let command = match Cli::try_parse() {
+        Ok(Cli { command }) => command,
+        Err(message) => return show_message(&message),
+    };
+    let result = threads::start().and_then(|()| carry_out(command)).and_then(|()| output::finish());
+    status(result)
+}
+
+/// Tells what went wrong, if something did, and says so to the shell.
+fn status(result: Result<(), Diagnostic>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(diagnostic) => {
+            output::complain(&diagnostic);
+            ExitCode::from(diagnostic.exit_code())
+        }
+    }
+}
+
+/// A mistake on the command line, or the help that was asked for.
+fn show_message(message: &clap::Error) -> ExitCode {
+    let written = message.print();
+    if message.use_stderr() {
+        return ExitCode::from(2);
+    }
+    output::note(written);
+    status(output::finish())
+}
+
+fn carry_out(command: Command) -> Result<(), Diagnostic> {
+    match command {
         Command::Run {
             files,
             set,
@@ -222,25 +253,16 @@ fn main() -> ExitCode {
             keep_everything,
         } => {
             let set = set.into_iter().chain(frames.map(|frames| format!("scene.camera.frames={frames}")));
-            settings(set).and_then(|settings| {
-                let pictures = picture;
-                let options =
-                    Options { settings, adapter, dump, pictures, every_frame, on_cpu, force, keep_everything };
-                run_files(&files, out, &options)
-            })
+            let pictures = picture;
+            let settings = settings(set)?;
+            let options = Options { settings, adapter, dump, pictures, every_frame, on_cpu, force, keep_everything };
+            run_files(&files, out, &options)
         }
-        Command::Plan { file, set } => settings(set.into_iter()).and_then(|settings| show_plans(&file, settings)),
+        Command::Plan { file, set } => show_plans(&file, settings(set.into_iter())?),
         Command::Stages { name } => show_stages(name.as_deref()),
         Command::Check { stage, adapter } => run_checks(stage.as_deref(), adapter.as_deref()),
         Command::Inspect(wanted) => inspect(wanted),
         Command::Devices => show_devices(),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(diagnostic) => {
-            eprintln!("{diagnostic}");
-            ExitCode::from(diagnostic.exit_code())
-        }
     }
 }
 

@@ -4,6 +4,7 @@ mod common;
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::process::{Command, Stdio};
 
 use common::{errors, run};
 
@@ -569,4 +570,67 @@ fn every_mistake_has_its_diagnostic() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
     assert_eq!(earlier, common::records(&folder.path().join("out/bad")));
     insta::assert_snapshot!("diagnostics", golden);
+}
+
+/// The exit status of a command whose output goes somewhere else.
+fn status(folder: &Path, arguments: &[&str], redirect: impl FnOnce(&mut Command)) -> Option<i32> {
+    let mut command = common::lodlab(folder);
+    command.args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+    redirect(&mut command);
+    command.status().unwrap().code()
+}
+
+/// `| head` ends before the program does, and nothing of it is a failure of the program.
+#[test]
+fn a_reader_may_go_away() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("good.ron"), experiment("bad", "good")).unwrap();
+    std::fs::write(folder.path().join("bad.ron"), experiment("(64, 48)", "(0, 48)")).unwrap();
+    let nobody_reads = || std::io::pipe().unwrap().1;
+    let errors_to_nobody = |command: &mut Command| {
+        command.stderr(nobody_reads());
+    };
+    let all_to_nobody = |command: &mut Command| {
+        command.stdout(nobody_reads()).stderr(nobody_reads());
+    };
+    assert_eq!(status(folder.path(), &["plan", "bad.ron"], errors_to_nobody), Some(2));
+    assert_eq!(status(folder.path(), &["plan", "bad.ron"], all_to_nobody), Some(2));
+    assert_eq!(status(folder.path(), &["plan", "good.ron"], all_to_nobody), Some(0));
+    assert_eq!(status(folder.path(), &["plan"], all_to_nobody), Some(2));
+    assert_eq!(status(folder.path(), &["--help"], all_to_nobody), Some(0));
+}
+
+/// What was asked for and cannot be written is a failure; a complaint that cannot be written changes nothing.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_behind_the_output_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("good.ron"), experiment("bad", "good")).unwrap();
+    std::fs::write(folder.path().join("bad.ron"), experiment("(64, 48)", "(0, 48)")).unwrap();
+    let full = || std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let results_lost = |command: &mut Command| {
+        command.stdout(full());
+    };
+    let all_lost = |command: &mut Command| {
+        command.stdout(full()).stderr(full());
+    };
+    for arguments in [&["plan", "good.ron"][..], &["stages"], &["--help"]] {
+        assert_eq!(status(folder.path(), arguments, results_lost), Some(1), "{arguments:?}");
+        assert_eq!(status(folder.path(), arguments, all_lost), Some(1), "{arguments:?}");
+    }
+    assert_eq!(status(folder.path(), &["plan", "bad.ron"], all_lost), Some(2));
+    let output = common::lodlab(folder.path()).args(["plan", "good.ron"]).stdout(full()).output().unwrap();
+    assert!(errors(&output).starts_with("error: standard output cannot be written: "), "{}", errors(&output));
+}
+
+/// A system that gives no thread is told of; here none can have the stack that it asks for.
+#[test]
+fn without_threads_nothing_panics() {
+    let folder = tempfile::tempdir().unwrap();
+    let terrain = experiment("Shape(kind: Sine, size: (33, 33))", "Noise(kind: Fbm, size: (33, 33))");
+    std::fs::write(folder.path().join("good.ron"), terrain).unwrap();
+    let mut command = common::lodlab(folder.path());
+    let output = command.args(["plan", "good.ron"]).env("RUST_MIN_STACK", (1usize << 46).to_string()).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", errors(&output));
+    assert!(errors(&output).starts_with("error: no thread can be started: "), "{}", errors(&output));
 }
