@@ -261,6 +261,17 @@ fn ron_cases() -> Vec<Case> {
         case("cell of a wrong type", experiment("size: (33, 33)", "size: (33, 33), cell_m: \"fine\"")),
         case("terrain too large", experiment("size: (33, 33)", "size: (100000, 100000)")),
         case("terrain of one sample", experiment("size: (33, 33)", "size: (1, 1)")),
+        case(
+            "noise that takes an hour",
+            experiment(
+                "Shape(kind: Sine, size: (33, 33))",
+                "Noise(kind: DomainWarped, octaves: 32, lacunarity: 1.1, size: (16384, 16384))",
+            ),
+        ),
+        case(
+            "a chain without end",
+            experiment("HeightPyramid, RayCast]", &format!("{}RayCast]", "Slope, ".repeat(1000))),
+        ),
         case("infinite height", experiment("size: (33, 33)", "size: (33, 33), height_m: (0, inf)")),
         case("octaves without end", experiment("Shape(kind: Sine, size: (33, 33))", "Noise(kind: Fbm, octaves: 99)")),
         case("eye that is not a number", experiment("(400, -300, 1500)", "(NaN, -300, 1500)")),
@@ -432,6 +443,25 @@ fn command_cases() -> Vec<Case> {
     ]
 }
 
+/// Sizes and numbers of a user's kernel that no adapter has.
+fn large_kernel_cases() -> Vec<Case> {
+    let sized = |size: &str| BIND.replace("like: \"height\"", &format!("size: ({size})"));
+    let repeated = "params: (scale: 1), over: (8, 8), repeat: 10000";
+    vec![
+        case("buffer of 2^64 elements", kernel(&sized("4294967295, 4294967295"), "params: (scale: 1), over: (8, 8)")),
+        case("buffer of 2^32 elements", kernel(&sized("65536, 65536"), "params: (scale: 1), over: (8, 8)")),
+        case(
+            "thirty thousand steps",
+            kernel(
+                &sized("8, 8"),
+                &format!(
+                    "{repeated}), Kernel(file: \"mine.wgsl\", bind: {BIND}, {repeated}), Kernel(file: \"mine.wgsl\", bind: {BIND}, {repeated}"
+                ),
+            ),
+        ),
+    ]
+}
+
 /// Files with something wrong with them.
 fn write_files(folder: &Path) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).unwrap();
@@ -539,13 +569,12 @@ fn every_mistake_has_its_diagnostic() {
     assert_eq!(earlier.len(), 3);
 
     let (mut golden, mut wrong) = (String::new(), Vec::new());
-    let cases = [ron_cases(), file_cases(), kernel_cases(), command_cases()];
+    let mut cases = vec![ron_cases(), file_cases(), kernel_cases(), large_kernel_cases(), command_cases()];
     #[cfg(unix)]
-    let cases = {
+    {
         write_pipes(folder.path());
-        let [ron, file, kernel, command] = cases;
-        [ron, file, kernel, command, pipe_cases()]
-    };
+        cases.push(pipe_cases());
+    }
     let cases = cases.into_iter().flatten().collect::<Vec<Case>>();
     assert!(cases.len() >= 40, "{} cases", cases.len());
     for case in cases {

@@ -66,6 +66,9 @@ pub struct MeasureCall {
 /// What is measured where the experiment says nothing.
 const DEFAULT_MEASURES: &str = "[ScreenError, Time]";
 
+/// Stages that a chain has at most: the longest methods have twenty.
+const MOST_STAGES: usize = 1000;
+
 const FIELDS: [&str; 6] = ["title", "scene", "chains", "sweep", "measure", "reuse"];
 
 impl Experiment {
@@ -222,6 +225,10 @@ fn chain_names(node: &Node) -> Result<Vec<String>, Diagnostic> {
         if name.is_empty() || name == "*" || name == "scene" || name == "measure" || name.contains(['.', ',', '/']) {
             return Err(Diagnostic::input(format!("`{name}` cannot be the name of a chain"))
                 .at(&key.origin, "reserved, or with a character that paths use"));
+        }
+        if stages.items().len() > MOST_STAGES {
+            return Err(Diagnostic::input(format!("the chain `{name}` has {} stages", stages.items().len()))
+                .at(&key.origin, format!("expected at most {MOST_STAGES}")));
         }
         if !matches!(&stages.kind, Kind::List(items) if !items.is_empty()) {
             return Err(Diagnostic::input(format!("the chain `{name}` is not a list of stages"))

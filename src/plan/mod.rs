@@ -317,8 +317,9 @@ impl Plan {
             (_, Storage::Buffer, _) => buffer.bytes(),
         };
         let buffers = self.buffers.iter().enumerate().map(own).fold(0, u64::saturating_add);
-        let parameters: u64 = self.steps.iter().map(|step| step.parameter_bytes(self.packed_frames())).sum();
-        buffers.saturating_add(self.slots.iter().sum()).saturating_add(parameters)
+        let parameters = self.steps.iter().map(|step| step.parameter_bytes(self.packed_frames()));
+        let shared = self.slots.iter().copied();
+        shared.chain(parameters).fold(buffers, u64::saturating_add)
     }
 }
 

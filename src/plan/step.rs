@@ -8,6 +8,9 @@ use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::frame::{self, Block};
 use crate::kernel::{Binding, BindingKind, Field, GROUND_GROUP, Structure, Value};
 
+/// Steps that a chain has at most. A frame of so many is no method any more, and to plan them takes seconds.
+const MOST_STEPS: usize = 20_000;
+
 /// Buffers that a step's kernel touches.
 #[derive(Default)]
 struct Touched {
@@ -104,6 +107,11 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
 
     /// Checks the step against its kernel's reflection and adds it to the chain.
     fn push(mut self) -> Result<(), Diagnostic> {
+        if self.chain.steps.len() >= MOST_STEPS {
+            return Err(Diagnostic::input(format!("this chain has more than {MOST_STEPS} steps"))
+                .at(&self.chain.origin, "with this stage")
+                .help("repeat kernels less often, or make several chains of it"));
+        }
         let kernel = self.run.kernel.clone();
         let mut entries = vec![kernel.entry(&self.run.entry)?];
         if let How::Draw { fragment, .. } = &self.run.how {

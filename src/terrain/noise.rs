@@ -13,6 +13,8 @@ use crate::experiment::scene::{Noise, NoiseKind};
 
 type Field = Box<dyn Fn([f64; 2]) -> f64 + Sync + Send>;
 
+/// Values of octaves that are summed up over a terrain: 16 octaves of the largest. Each takes some 20 ns.
+const MOST_VALUES: u64 = 1 << 32;
 /// Waves of the finest octave.
 const LARGEST_LATTICE: f64 = 1e12;
 
@@ -27,6 +29,15 @@ pub fn generate(spec: &Noise) -> Result<HeightField, TerrainError> {
     let numbers = [spec.lacunarity, spec.persistence, spec.warp_m, spec.height_m.0, spec.height_m.1];
     if !numbers.iter().all(|number| number.is_finite()) || !(0.0..=4.0).contains(&spec.persistence) {
         return bad("lacunarity, warp and heights have to be numbers, and persistence one from 0 to 4".into());
+    }
+    let fractals = if spec.kind == NoiseKind::DomainWarped { 3 } else { 1 };
+    let values = u64::from(spec.size.0) * u64::from(spec.size.1) * u64::from(spec.octaves) * fractals;
+    if values > MOST_VALUES {
+        let (columns, rows) = spec.size;
+        return bad(format!(
+            "{columns} x {rows} samples of {} octaves take too long; at most {MOST_VALUES} values are summed up",
+            fractals * u64::from(spec.octaves)
+        ));
     }
     // the lattice of the noise is counted in integers
     let (cell_x, cell_y) = spec.cell_m.xy();

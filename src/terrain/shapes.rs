@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use rayon::prelude::*;
+
 use super::{HeightField, TerrainError};
 use crate::experiment::scene::{Shape, ShapeKind};
 
@@ -11,9 +13,12 @@ pub fn generate(spec: &Shape) -> Result<HeightField, TerrainError> {
     }
     let (columns, rows) = spec.size;
     let (low, high) = spec.height_m;
-    let heights = (0..rows)
-        .flat_map(|row| (0..columns).map(move |column| (low + (high - low) * share(spec, column, row)) as f32));
-    Ok(HeightField { size: spec.size.into(), cell_m: spec.cell_m.xy().into(), heights_m: heights.collect() })
+    let mut heights_m = vec![0.0; columns as usize * rows as usize];
+    heights_m.par_chunks_mut(columns as usize).zip(0..rows).for_each(|(heights_m, row)| {
+        let height_m = |column: u32| (low + (high - low) * share(spec, column, row)) as f32;
+        heights_m.iter_mut().zip(0..columns).for_each(|(height, column)| *height = height_m(column));
+    });
+    Ok(HeightField { size: spec.size.into(), cell_m: spec.cell_m.xy().into(), heights_m })
 }
 
 /// Height as a share of the way from lowest to highest.

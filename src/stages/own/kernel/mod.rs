@@ -75,6 +75,9 @@ struct Fields {
     ping_pong: Option<(String, String)>,
 }
 
+/// Elements of a buffer: kernels have 32 bits for the number of one.
+const MOST_ELEMENTS: u64 = u32::MAX as u64;
+
 fn main_entry() -> String {
     "main".into()
 }
@@ -158,11 +161,14 @@ impl Kernel {
                 .read(like)
                 .map(|id| chain.buffer(id).dims.clone())
                 .map_err(|error| error.at(origin, "sized like it here")),
-            (None, Some((columns, rows))) if columns > 0 && rows > 0 => Ok(vec![rows, columns]),
-            (None, Some(size)) => {
-                Err(Diagnostic::input(format!("a buffer of {} x {} elements holds nothing", size.0, size.1))
-                    .at(origin, "this size"))
-            }
+            (None, Some((columns, rows))) => match u64::from(columns) * u64::from(rows) {
+                1..=MOST_ELEMENTS => Ok(vec![rows, columns]),
+                0 => Err(Diagnostic::input(format!("a buffer of {columns} x {rows} elements holds nothing"))
+                    .at(origin, "this size")),
+                _ => Err(Diagnostic::input(format!("no adapter has a buffer of {columns} x {rows} elements"))
+                    .at(origin, format!("expected at most {MOST_ELEMENTS} elements in all"))
+                    .help("kernels number elements with 32 bits")),
+            },
             _ => Err(Diagnostic::input("a new buffer needs `like` or `size`, one of them").at(origin, "this buffer")),
         }
     }
