@@ -190,3 +190,16 @@ fn bytes_are_all_there_is() {
     );
     assert!(parameters(&longer) > parameters(&drawn));
 }
+
+/// Only the next frames of a path are in memory.
+#[test]
+fn a_long_path_takes_no_more_memory_than_a_shorter_one() {
+    let bytes = |frames: u32| {
+        let camera = format!("Orbit(frames: {frames}, center: (400, 400, 0), radius_m: 800, height_m: 900)");
+        let scene = format!("terrain: Shape(kind: Sine, size: (33, 17)), camera: {camera}, viewport: (40, 30)");
+        let setup = Setup::chain(&scene, "[HeightPyramid, RayCast]", "".as_ref(), Keep::Last);
+        setup.unwrap_or_else(|error| panic!("{error}")).plan.bytes()
+    };
+    assert!(bytes(2) < bytes(1000));
+    assert_eq!(bytes(1000), bytes(100_000));
+}
