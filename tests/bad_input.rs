@@ -155,6 +155,16 @@ fn ron_cases() -> Vec<Case> {
                 "Project, GridError, Rasterize, Compact(of: \"distance\", rows: 2), RayFill,",
             ),
         ),
+        case(
+            "a fill of rows over a terrain that is too large for that",
+            experiment("Project, Rasterize,", "Project, GridError, Rasterize, Compact(rows: 2), RayFill,")
+                .replace("size: (33, 33)", "size: (2, 16384)"),
+        ),
+        case(
+            "importance that is too large for a warp",
+            kernel(&BIND.replace("like: \"height\"", "size: (16001, 2)").replace("\"mine\"", "\"importance\""), "over: \"importance\"")
+                .replace("HeightPyramid, RayCast]", "ViewGrid, Warp]"),
+        ),
         case("sums of floats", experiment("Project,", "Project, Scan(of: \"height\"),")),
         case("a fill without a list", experiment("Project, Rasterize,", "Project, GridError, Rasterize, RayFill,")),
         case("errors of nothing", experiment("Rasterize, Shade]", "]").replace("[ScreenError, Time]", "[ErrorBuffer]")),

@@ -135,6 +135,27 @@ fn the_frame_before_leads_to_the_same_leaves() {
     }
 }
 
+/// The root of this terrain has 512 x 512 regions. One corner of it is rough, and the eye goes away from it until the root is not split:
+/// then nothing is left of the blocks in the last rows of regions, which were leaves all the time.
+#[test]
+fn a_root_that_is_split_no_more_leaves_nothing_below_it() {
+    let gpu = Gpu::open(None).unwrap();
+    let terrain = "Shape(kind: GaussianHill, size: (1025, 1025), cell_m: 1, height_m: (0, 100))";
+    let away = "Flight(frames: 12, keys: [(eye: (512, 512, 600), look_at: (512, 500, 0)), (eye: (512, 512, 30000), look_at: (512, 500, 0))])";
+    let scene = scene(terrain, away);
+    for rule in RULES {
+        let frames = |start: &str| {
+            let splitting = format!("threshold_px: 1, cull: false, start: {start}");
+            Ran::frames(&gpu, &scene, &chain(rule, &splitting)).iter().map(leaves).collect::<Vec<_>>()
+        };
+        let (root, last) = (frames("Root"), frames("LastFrame"));
+        println!("{rule}: {:?} {:?}", root.iter().map(Vec::len).collect::<Vec<_>>(), last.iter().map(Vec::len).collect::<Vec<_>>());
+        for (root, last) in root.into_iter().zip(last) {
+            assert_eq!(BTreeSet::from_iter(root), BTreeSet::from_iter(last), "{rule}");
+        }
+    }
+}
+
 /// What a vertex carries changes how often it is looked at, and nothing else.
 #[test]
 fn what_a_vertex_carries_changes_nothing() {

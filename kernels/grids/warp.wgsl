@@ -111,20 +111,24 @@ fn walk(line: u32, count: u32, is_column: bool) {
     var own = mix(weight_of(line, 0u, is_column) / largest, mean, params.uniform_share);
     var last = 0.0;
     put(first, 0.0, is_column);
-    for (var i = 1u; i < count; i++) {
+    // one loop for both, not one in the other: an adapter may end the loops of a thread after some ten thousand turns in all, and
+    // counts the longest way of several threads at every turn
+    var i = 1u;
+    while i < count {
         let wanted = total * (f32(i) / f32(count));
-        var next = add(before, own);
-        while k + 1u < count && next.x + next.y < wanted {
+        let next = add(before, own);
+        if k + 1u < count && next.x + next.y < wanted {
             before = next;
             k += 1u;
             own = mix(weight_of(line, k, is_column) / largest, mean, params.uniform_share);
-            next = add(before, own);
+        } else {
+            let part = ((wanted - before.x) - before.y) / own;
+            let place = (f32(k) + select(0.0, clamp(part, 0.0, 1.0), own > 0.0)) / f32(count);
+            // rounding may not turn the order around
+            last = max(last, min(place, 1.0));
+            put(first + i, last, is_column);
+            i += 1u;
         }
-        let part = ((wanted - before.x) - before.y) / own;
-        let place = (f32(k) + select(0.0, clamp(part, 0.0, 1.0), own > 0.0)) / f32(count);
-        // rounding may not turn the order around
-        last = max(last, min(place, 1.0));
-        put(first + i, last, is_column);
     }
     put(first + count, 1.0, is_column);
 }

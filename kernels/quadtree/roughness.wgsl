@@ -15,6 +15,9 @@ struct Params {
 /// The largest distance over a tile of samples, for each tile.
 @group(0) @binding(4) var<storage, read_write> tile_off: array<f32>;
 @group(0) @binding(5) var<storage, read> tile_off_in: array<f32>;
+/// The largest of a row of a block's tiles, for each row of tiles and each block of a row.
+@group(0) @binding(6) var<storage, read_write> row_off: array<f32>;
+@group(0) @binding(7) var<storage, read> row_off_in: array<f32>;
 
 /// Cells a side of a tile, as a power of two.
 const TILE_LEVEL: u32 = 4u;
@@ -81,22 +84,41 @@ fn nested(@builtin(global_invocation_id) id: vec3<u32>) {
     put(id.xy, max(own, 2.0 * largest_below(id.xy)));
 }
 
-/// The largest distance of a row or column of samples from the line between its ends.
-fn off_edge(start: vec2<u32>, step: vec2<u32>, cells: u32) -> f32 {
-    let first = height_at(start.x, start.y);
-    let end = start + step * cells;
-    let rise = height_at(end.x, end.y) - first;
-    var off = 0.0;
-    var largest = abs(rise);
-    for (var i = 1u; i < cells; i++) {
-        let place = start + step * i;
-        let own = height_at(place.x, place.y) - first;
-        off = max(off, abs(own - rise * (f32(i) / f32(cells))));
-        largest = max(largest, abs(own));
-    }
-    return off + select(0.0, ROUNDING * largest, off > 0.0);
+/// A row or column of samples, against the line between its ends.
+struct Line {
+    start: vec2<u32>,
+    step: vec2<u32>,
+    cells: u32,
+    first_m: f32,
+    rise_m: f32,
+    /// The largest distance from the line, and the largest height difference, so far.
+    off: f32,
+    largest: f32,
 }
 
+fn line_from(start: vec2<u32>, step: vec2<u32>, cells: u32) -> Line {
+    let end = start + step * cells;
+    let first_m = height_at(start.x, start.y);
+    let rise_m = height_at(end.x, end.y) - first_m;
+    return Line(start, step, cells, first_m, rise_m, 0.0, abs(rise_m));
+}
+
+fn look_at_sample(line: Line, i: u32) -> Line {
+    var seen = line;
+    if i < line.cells {
+        let place = line.start + line.step * i;
+        let own = height_at(place.x, place.y) - line.first_m;
+        seen.off = max(line.off, abs(own - line.rise_m * (f32(i) / f32(line.cells))));
+        seen.largest = max(line.largest, abs(own));
+    }
+    return seen;
+}
+
+fn off_line_with_rounding(line: Line) -> f32 {
+    return line.off + select(0.0, ROUNDING * line.largest, line.off > 0.0);
+}
+
+/// (One loop for all four edges: an adapter may end the loops of a thread after some ten thousand turns in all.)
 @compute @workgroup_size(8, 8)
 fn edges(@builtin(global_invocation_id) id: vec3<u32>) {
     let blocks = level_size(base(), params.level);
@@ -105,11 +127,21 @@ fn edges(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let block = block_of(params.level, id.xy, base());
     let side = block.high - block.low;
+    var north = line_from(block.low, vec2(1u, 0u), side.x);
+    var west = line_from(block.low, vec2(0u, 1u), side.y);
+    var south = line_from(vec2(block.low.x, block.high.y), vec2(1u, 0u), side.x);
+    var east = line_from(vec2(block.high.x, block.low.y), vec2(0u, 1u), side.y);
+    for (var i = 1u; i < max(side.x, side.y); i++) {
+        north = look_at_sample(north, i);
+        west = look_at_sample(west, i);
+        south = look_at_sample(south, i);
+        east = look_at_sample(east, i);
+    }
     edge_off[id.y * blocks.x + id.x] = vec4(
-        off_edge(block.low, vec2(1u, 0u), side.x),
-        off_edge(block.low, vec2(0u, 1u), side.y),
-        off_edge(vec2(block.low.x, block.high.y), vec2(1u, 0u), side.x),
-        off_edge(vec2(block.high.x, block.low.y), vec2(0u, 1u), side.y),
+        off_line_with_rounding(north),
+        off_line_with_rounding(west),
+        off_line_with_rounding(south),
+        off_line_with_rounding(east),
     );
 }
 
@@ -231,22 +263,41 @@ fn tiles(@builtin(global_invocation_id) id: vec3<u32>) {
     tile_off[id.y * tiles_of.x + id.x] = worst + select(0.0, ROUNDING * largest, worst > 0.0);
 }
 
-/// The largest of a block's tiles and of the blocks below.
+/// Tiles a side of a block.
+fn tiles_a_side() -> u32 {
+    return 1u << (params.level - min(params.level, TILE_LEVEL));
+}
+
+/// The largest of each row of a block's tiles. (Rows first, since a block of the whole terrain has more tiles than an adapter may
+/// give one thread turns of its loops.)
 @compute @workgroup_size(8, 8)
-fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= level_size(base(), params.level)) {
+fn gather_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    let tiles_of = level_size(base(), min(params.level, TILE_LEVEL));
+    let columns = level_size(base(), params.level).x;
+    if id.x >= columns || id.y >= tiles_of.y {
         return;
     }
-    let tile_level = min(params.level, TILE_LEVEL);
-    let tiles_of = level_size(base(), tile_level);
-    let side = 1u << (params.level - tile_level);
-    let low = id.xy * side;
-    let high = min(low + side, tiles_of);
+    let low = id.x * tiles_a_side();
+    let high = min(low + tiles_a_side(), tiles_of.x);
+    var worst = 0.0;
+    for (var x = low; x < high; x++) {
+        worst = max(worst, tile_off_in[id.y * tiles_of.x + x]);
+    }
+    row_off[id.y * columns + id.x] = worst;
+}
+
+/// The largest of a block's rows of tiles and of the blocks below.
+@compute @workgroup_size(8, 8)
+fn gather(@builtin(global_invocation_id) id: vec3<u32>) {
+    let blocks = level_size(base(), params.level);
+    if any(id.xy >= blocks) {
+        return;
+    }
+    let low = id.y * tiles_a_side();
+    let high = min(low + tiles_a_side(), level_size(base(), min(params.level, TILE_LEVEL)).y);
     var worst = largest_below(id.xy);
-    for (var y = low.y; y < high.y; y++) {
-        for (var x = low.x; x < high.x; x++) {
-            worst = max(worst, tile_off_in[y * tiles_of.x + x]);
-        }
+    for (var y = low; y < high; y++) {
+        worst = max(worst, row_off_in[y * blocks.x + id.x]);
     }
     put(id.xy, worst);
 }

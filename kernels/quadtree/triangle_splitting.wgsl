@@ -152,12 +152,15 @@ fn sums(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
     wanted_out[number] = sum;
 }
 
-var<workgroup> chunk_wants: array<u32, 64>;
+/// Threads that go over the sums: as many as any adapter has, for the loops of each are bounded by its share.
+const LANES: u32 = 256u;
 
-@compute @workgroup_size(64)
+var<workgroup> chunk_wants: array<u32, LANES>;
+
+@compute @workgroup_size(LANES)
 fn offsets(@builtin(local_invocation_index) lane: u32) {
     let groups = (4u * leaf_count[3] + GROUP - 1u) / GROUP;
-    let chunk = (groups + GROUP - 1u) / GROUP;
+    let chunk = (groups + LANES - 1u) / LANES;
     let first = lane * chunk;
     let end = min(first + chunk, groups);
     var sum = 0u;
@@ -168,7 +171,7 @@ fn offsets(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
     var at = 0u;
     var total = 0u;
-    for (var i = 0u; i < GROUP; i++) {
+    for (var i = 0u; i < LANES; i++) {
         total += chunk_wants[i];
         at += select(0u, chunk_wants[i], i < lane);
     }

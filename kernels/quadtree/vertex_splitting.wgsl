@@ -370,11 +370,16 @@ fn close(level: u32, at: vec2<u32>) {
     let regions = level_size(last_sample(), params.region_level);
     let side = 1u << (max(params.region_level, level) - params.region_level);
     let first = region_of(level, at);
-    for (var i = 0u; i < side * side; i++) {
-        let offset = vec2(i % side, i / side);
-        if all(vec2(first % regions.x, first / regions.x) + offset < regions) {
-            let region = first + offset.y * regions.x + offset.x;
-            atomicOr(&closing[region / 32u], bit_of(region));
+    let columns = min(side, regions.x - first % regions.x);
+    let rows = min(side, regions.y - first / regions.x);
+    // by whole words of 32 regions: the root has more regions than an adapter may give one thread turns of its loops
+    for (var row = 0u; row < rows; row++) {
+        let start = first + row * regions.x;
+        let end = start + columns;
+        for (var word = start / 32u; word <= (end - 1u) / 32u; word++) {
+            let low = max(start, 32u * word) - 32u * word;
+            let high = min(end, 32u * word + 32u) - 32u * word;
+            atomicOr(&closing[word], (0xffffffffu >> (32u - (high - low))) << low);
         }
     }
 }

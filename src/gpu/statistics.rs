@@ -7,8 +7,10 @@ use super::{Gpu, GpuError, Held, readback};
 use crate::kernel::Value;
 use crate::look::Channel;
 
-/// Threads that walk over a buffer, each over its own part.
+/// Threads that walk over a buffer, each over its own part: so many, or as many as it takes for none to go over more values than
+/// any adapter lets the loops of a thread turn.
 const THREADS: u32 = 4096;
+const MOST_VALUES: u32 = 16_384;
 /// Words that each leaves.
 const WORDS: usize = 8;
 /// Parts of a range in which values are counted.
@@ -39,7 +41,7 @@ pub struct Statistics {
 
 impl Gpu {
     pub fn statistics(&self, looked: &Looked) -> Result<Statistics, GpuError> {
-        let words = self.run(looked, "sum", None, (0, 0, 0), THREADS as usize * WORDS)?;
+        let words = self.run(looked, "sum", None, (0, 0, 0), threads(looked.part) as usize * WORDS)?;
         let mut all = Statistics::default();
         let mut sum = 0.0;
         for thread in words.chunks_exact(WORDS) {
@@ -108,7 +110,7 @@ impl Gpu {
             ("minus_first", (part.row * other.stride).into()),
             ("minus_stride", other.stride.into()),
             ("extent", [part.columns, part.rows].into()),
-            ("threads", THREADS.into()),
+            ("threads", threads(*part).into()),
             ("first_key", first_key.into()),
             ("key_shift", key_shift.into()),
             ("bins", bins.into()),
@@ -129,13 +131,17 @@ impl Gpu {
         let staging_usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let staging = make_buffer(self, "statistics", 4 * words as u64, staging_usage)?;
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.encode_compute(&mut encoder, &tool, [THREADS, 1])?;
+        self.encode_compute(&mut encoder, &tool, [threads(*part), 1])?;
         encoder.copy_buffer_to_buffer(&found, 0, &staging, 0, 4 * words as u64);
         self.queue.submit([encoder.finish()]);
         let mut read: Vec<u32> = bytemuck::pod_collect_to_vec(&readback::map(self, &staging)?);
         read.truncate(words);
         Ok(read)
     }
+}
+
+fn threads(part: Part) -> u32 {
+    part.columns.saturating_mul(part.rows).div_ceil(MOST_VALUES).max(THREADS)
 }
 
 const NO_TONES: Tones = Tones {
@@ -147,4 +153,18 @@ const NO_TONES: Tones = Tones {
 /// The inverse of `key_of` in `kernels/looks/statistics.wgsl`.
 fn value_of_key(key: u32) -> f32 {
     f32::from_bits(if key >> 31 == 1 { key & 0x7fff_ffff } else { !key })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_thread_goes_over_more_values_than_loops_may_turn() {
+        for (columns, rows) in [(1, 1), (640, 480), (16_384, 16_384), (32_768, 32_768), (u32::MAX, 1)] {
+            let threads = threads(Part { row: 0, columns, rows });
+            assert!((columns * rows).div_ceil(threads) <= MOST_VALUES);
+            assert!(threads >= THREADS);
+        }
+    }
 }

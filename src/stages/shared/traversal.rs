@@ -12,6 +12,17 @@ use crate::plan::{BufferId, Chain, Spread, StepBuilder};
 /// Pixels a side of the tiles whose rays are led to the surface together; `TILE` of the kernel.
 pub const TILE: u32 = 8;
 
+/// An adapter may end the loops of a thread after so many turns in all, in silence.
+pub const MOST_TURNS: u32 = 65_535;
+
+/// The most turns that the loops of one ray take over a terrain of that many samples. Each node that it goes through is left across a
+/// column or row of samples that it crosses once (but for rounding), and a node is opened only after a border of two nodes was crossed, which
+/// every other one is; on top of that there are the cells next to the eye.
+pub fn most_turns(size: UVec2) -> u32 {
+    let lines = size.x.saturating_add(size.y);
+    lines.saturating_add(lines / 2).saturating_add(lines / 64 + 64)
+}
+
 /// Says what a traversal leaves out, and refuses a chain without the pyramids that it needs.
 pub fn check(chain: &mut Chain) -> Result<(), Diagnostic> {
     chain.latest::<NodeRanges<BufferId>>()?;

@@ -56,6 +56,10 @@ impl Default for Warp {
     }
 }
 
+/// The longest row or column of a map of importance: one thread goes over it four times, and an adapter may end the loops of a thread
+/// after 65535 turns in all.
+const LONGEST_LINE: u32 = 16_000;
+
 impl Stage for Warp {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let importance = chain.read("importance")?;
@@ -65,6 +69,12 @@ impl Stage for Warp {
             return Err(Diagnostic::input("`Warp` needs `importance` as a map of rows and columns")
                 .at(chain.origin(), "this stage"));
         };
+        if rows.max(columns) > LONGEST_LINE {
+            let message = format!("`importance` has {columns} x {rows} elements, which is too large for a warp");
+            return Err(Diagnostic::input(message)
+                .at(chain.origin(), "this stage")
+                .help(format!("make it with at most {LONGEST_LINE} columns and rows")));
+        }
         let importance = chain.read_as("importance", Elem::F32, &[rows, columns])?;
         let size = UVec2::new(columns, rows);
         let mut map = None;

@@ -84,6 +84,18 @@ impl RayFill {
             );
             return Err(Diagnostic::input(message).at(chain.origin(), "this stage").help("list it with `rows: 1`"));
         }
+        // a thread casts the ray between the rows, and where that does not do, one for each row
+        let turns = (listing.rows + 1).saturating_mul(traversal::most_turns(chain.lattice().size));
+        if turns > traversal::MOST_TURNS {
+            let message = format!(
+                "blocks of {} rows over so large a terrain take up to {turns} turns of a thread's loops, which an adapter may end after {}",
+                listing.rows,
+                traversal::MOST_TURNS
+            );
+            return Err(Diagnostic::input(message)
+                .at(chain.origin(), "this stage")
+                .help("list fewer rows in a block; with `rows: 1` any terrain will do"));
+        }
         let length = width_px * height_px.div_ceil(listing.rows);
         let Listing { numbers: pixels, count, rows, .. } = listing;
         chain.check_kind(pixels, Elem::U32, &[length])?;
