@@ -162,8 +162,11 @@ fn ron_cases() -> Vec<Case> {
         ),
         case(
             "importance that is too large for a warp",
-            kernel(&BIND.replace("like: \"height\"", "size: (16001, 2)").replace("\"mine\"", "\"importance\""), "over: \"importance\"")
-                .replace("HeightPyramid, RayCast]", "ViewGrid, Warp]"),
+            kernel(
+                &BIND.replace("like: \"height\"", "size: (16001, 2)").replace("\"mine\"", "\"importance\""),
+                "params: (scale: 1), over: \"importance\"",
+            )
+            .replace("HeightPyramid, RayCast]", "ViewGrid, Warp]"),
         ),
         case("sums of floats", experiment("Project,", "Project, Scan(of: \"height\"),")),
         case("a fill without a list", experiment("Project, Rasterize,", "Project, GridError, Rasterize, RayFill,")),
@@ -396,6 +399,20 @@ fn kernel_cases() -> Vec<Case> {
         case("a pyramid of another ground", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace("[Kernel", "[HeightPyramid, Kernel").replace(", HeightPyramid, RayCast]", ", RayCast]")),
         case("a proof on another ground", kernel(&BIND.replace("mine", "height"), "params: (scale: 1), over: \"height\"").replace(", HeightPyramid, RayCast]", ", HeightPyramid, Roughness(error: Proven), RayCast]")),
         with_kernel("WGSL with a block of other fields", "struct Params {", "struct Motion {\n    @align(16) speed: f32,\n}\nstruct Params {\n    motion: Motion,"),
+        with_kernel("WGSL array longer than its buffer", "src: array<f32>", "src: array<f32, 1090>"),
+        with_kernel("WGSL extension that adapters lack", "struct", "enable f16;\nstruct"),
+        with_kernel("WGSL operation that adapters lack", "src[id.x]", "subgroupAdd(src[id.x])"),
+        with_kernel("WGSL constant without a value", "params.scale *", "FACTOR * params.scale *").replaced("struct", "override FACTOR: f32;\nstruct"),
+        with_kernel("WGSL workgroup of too many threads", "workgroup_size(8, 8)", "workgroup_size(32, 32)"),
+        with_kernel("WGSL workgroup that is too deep", "workgroup_size(8, 8)", "workgroup_size(1, 1, DEEP)").replaced("struct", "override DEEP: u32 = 65u;\nstruct"),
+        with_kernel("WGSL workgroup that shares too much", "src[id.x];", "src[id.x] + many[id.x];").replaced("struct", "var<workgroup> many: array<f32, 4097>;\nstruct"),
+        with_kernel("WGSL binding of a large number", "@binding(2)", "@binding(1000)"),
+        with_kernel("WGSL parameters that are too large", "scale: f32,", "scale: f32,\n    table: array<vec4<f32>, 4096>,"),
+        with_kernel("WGSL sum without end", "src[id.x];", "src[id.x]\n").replaced("src[id.x]\n", &format!("src[id.x]{};", "\n+ src[0]".repeat(20_000))),
+        with_kernel("WGSL brackets without end", "params.scale *", &format!("{}1{} *", "(\n".repeat(20_000), ")".repeat(20_000))),
+        with_kernel("WGSL brackets that are too deep", "params.scale *", &format!("{}1.0{} *", "(".repeat(250), ")".repeat(250))),
+        with_kernel("WGSL branches without end", "dst[id.x] =", &format!("if id.x == 0u {{ return; }}{}\n    dst[id.x] =", "\nelse if id.x == 1u { return; }".repeat(20_000))),
+        with_kernel("WGSL without end", "struct", &format!("{}\nstruct", "// nothing\n".repeat(100_000))),
         with_kernel("WGSL image of three dimensions", "src: array<f32>", "unused: array<f32>").replaced("var<storage, read> unused: array<f32>", "var src: texture_3d<f32>").replaced("src[id.x]", "textureLoad(src, id, 0).x"),
     ]
 }

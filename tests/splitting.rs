@@ -149,7 +149,11 @@ fn a_root_that_is_split_no_more_leaves_nothing_below_it() {
             Ran::frames(&gpu, &scene, &chain(rule, &splitting)).iter().map(leaves).collect::<Vec<_>>()
         };
         let (root, last) = (frames("Root"), frames("LastFrame"));
-        println!("{rule}: {:?} {:?}", root.iter().map(Vec::len).collect::<Vec<_>>(), last.iter().map(Vec::len).collect::<Vec<_>>());
+        println!(
+            "{rule}: {:?} {:?}",
+            root.iter().map(Vec::len).collect::<Vec<_>>(),
+            last.iter().map(Vec::len).collect::<Vec<_>>()
+        );
         for (root, last) in root.into_iter().zip(last) {
             assert_eq!(BTreeSet::from_iter(root), BTreeSet::from_iter(last), "{rule}");
         }

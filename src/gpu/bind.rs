@@ -106,10 +106,10 @@ fn ty(kind: &BindingKind) -> wgpu::BindingType {
             has_dynamic_offset: true,
             min_binding_size: NonZeroU64::new(structure.bytes.into()),
         },
-        BindingKind::Storage { written, .. } => wgpu::BindingType::Buffer {
+        BindingKind::Storage { elem, length, written, .. } => wgpu::BindingType::Buffer {
             ty: wgpu::BufferBindingType::Storage { read_only: !written },
             has_dynamic_offset: false,
-            min_binding_size: None,
+            min_binding_size: length.and_then(|length| NonZeroU64::new(u64::from(length) * elem.bytes())),
         },
         BindingKind::Image { float } => wgpu::BindingType::Texture {
             sample_type: match float {

@@ -5,7 +5,7 @@ use std::hash::Hash;
 use std::sync::{Mutex, PoisonError};
 
 use super::{Gpu, GpuError};
-use crate::kernel::Kernel;
+use crate::kernel::{Kernel, on_large_stack};
 
 #[derive(Clone)]
 pub enum Pipeline {
@@ -67,7 +67,8 @@ fn known<K: Hash + Eq, V: Clone>(
 impl Gpu {
     pub(super) fn module(&self, kernel: &Kernel) -> Result<wgpu::ShaderModule, GpuError> {
         known(&self.cache.modules, (kernel.hash.clone(), kernel.trusted), |_| {
-            self.scoped(&format!("the kernel `{}`", kernel.name), || make_module(self, kernel))
+            let what = format!("the kernel `{}`", kernel.name);
+            compiled(kernel, || self.scoped(&what, || make_module(self, kernel)))
         })
     }
 
@@ -83,9 +84,19 @@ impl Gpu {
         let layouts = key.layouts.iter().map(|entries| self.layout(entries)).collect::<Result<Vec<_>, _>>()?;
         known(&self.cache.pipelines, key, |key| {
             let what = format!("the pipeline of `{label}` ({})", kernel.name);
-            self.scoped(&what, || make_pipeline(self, label, key, &module, &layouts))
+            let make = || self.scoped(&what, || make_pipeline(self, label, key, &module, &layouts));
+            compiled(kernel, make)
         })
     }
+}
+
+/// Runs what compiles a kernel; a user's may be deeper than the stack of the thread that is here. (Errors are caught by thread: all of it runs
+/// on the other.)
+fn compiled<T: Send>(kernel: &Kernel, make: impl FnOnce() -> Result<T, GpuError> + Send) -> Result<T, GpuError> {
+    if kernel.trusted {
+        return make();
+    }
+    on_large_stack(make).map_err(|why| GpuError::Refused { what: format!("the kernel `{}`", kernel.name), why })?
 }
 
 fn make_module(gpu: &Gpu, kernel: &Kernel) -> wgpu::ShaderModule {

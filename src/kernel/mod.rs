@@ -6,7 +6,11 @@
 
 mod assemble;
 mod catalogue;
+mod limits;
+mod loops;
 mod reflect;
+mod stack;
+mod tokens;
 mod value;
 
 use std::sync::Arc;
@@ -17,6 +21,7 @@ pub use assemble::{Assembled, GroundForm, built_in_folder, read_from_checkout};
 pub use reflect::{
     Binding, BindingKind, Elem, Entry, Field, FieldKind, GROUND_GROUP, Nested, OWN_GROUP, Packing, Structure,
 };
+pub use stack::on_large_stack;
 pub use value::Value;
 
 /// A kernel file that passed naga's validation, and what is known of its entry points.
@@ -43,17 +48,21 @@ impl Kernel {
     ) -> Result<Arc<Kernel>, Diagnostic> {
         let name = source.name.rsplit('/').next().unwrap_or_default().to_string();
         let assembled = Assembled::new(source, form)?;
-        let (entries, overrides) = reflect::reflect(&assembled)?;
+        limits::check_text(&assembled)?;
+        let reflected = on_large_stack(|| reflect::reflect(&assembled, trusted));
+        let (entries, overrides) =
+            reflected.map_err(|why| Diagnostic::run(why).at(&assembled.main.everywhere(), "in this kernel"))??;
         let hash = blake3::hash(assembled.text.as_bytes()).to_hex().as_str()[..16].to_string();
         Ok(Arc::new(Kernel { name, assembled, hash, entries, overrides, trusted }))
     }
 
     pub fn entry(&self, name: &str) -> Result<&Entry, Diagnostic> {
-        self.entries.iter().find(|entry| entry.name == name).ok_or_else(|| {
+        let entry = self.entries.iter().find(|entry| entry.name == name).ok_or_else(|| {
             Diagnostic::input(format!("`{}` has no entry point `{name}`", self.name))
                 .at(&self.assembled.main.everywhere(), "in this kernel")
                 .suggest(name, self.entries.iter().map(|entry| entry.name.as_str()))
-        })
+        })?;
+        entry.refused.clone().map_or(Ok(entry), Err)
     }
 
     /// The same kernel with the ground in another form.

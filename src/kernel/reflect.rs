@@ -1,9 +1,13 @@
 //! What naga knows of a kernel: bindings by variable name, parameters by field name and offset.
 
-use naga::valid::{Capabilities, GlobalUse, ValidationFlags, Validator};
-use naga::{AddressSpace, GlobalVariable, Handle, Module, ScalarKind, Span, StorageAccess, TypeInner};
+use naga::back::pipeline_constants::{PipelineConstantError, process_overrides};
+use naga::front::wgsl;
+use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationError, ValidationFlags, Validator};
+use naga::{
+    AddressSpace, ArraySize, GlobalVariable, Handle, Module, ScalarKind, Span, StorageAccess, TypeInner, WithSpan,
+};
 
-use super::Assembled;
+use super::{Assembled, limits, loops};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 
 /// The group of a kernel's own bindings, and that of the ground's, which the plan fills.
@@ -120,6 +124,10 @@ pub struct Entry {
     pub workgroup_size: [u32; 3],
     /// The bindings this entry point uses, in binding order.
     pub bindings: Vec<Binding>,
+    /// How often its loops turn in all, as far as the kernel's text says so.
+    pub turns: u64,
+    /// Why no pipeline can be made of it; another entry point of the kernel may do.
+    pub refused: Option<Diagnostic>,
 }
 
 impl Entry {
@@ -144,8 +152,8 @@ pub struct Binding {
 pub enum BindingKind {
     /// `var<uniform>`: the parameters.
     Params(Structure),
-    /// `var<storage, read>` or `read_write` of an array.
-    Storage { elem: Elem, read: bool, written: bool },
+    /// `var<storage, read>` or `read_write` of an array; the elements that it has, if the kernel says how many.
+    Storage { elem: Elem, length: Option<u32>, read: bool, written: bool },
     /// `texture_2d<f32>`: an input as an image, which many adapters read faster than an array.
     /// `texture_2d<u32>`: a render target.
     Image { float: bool },
@@ -194,17 +202,30 @@ impl FieldKind {
     }
 }
 
-/// Parses, validates and describes a kernel.
-pub fn reflect(assembled: &Assembled) -> Result<(Vec<Entry>, Vec<String>), Diagnostic> {
-    let module = naga::front::wgsl::parse_str(&assembled.text).map_err(|error| {
+/// What kernels may use beyond WGSL without extensions: what every adapter has that WebGPU runs on. Devices are opened with no feature
+/// that would add to it.
+fn capabilities() -> Capabilities {
+    Capabilities::SHADER_FLOAT16_IN_FLOAT32 | Capabilities::MULTISAMPLED_SHADING | Capabilities::CUBE_ARRAY_TEXTURES
+}
+
+/// Parses, validates and describes a kernel. One that is not `trusted` is held to what every adapter has.
+pub fn reflect(assembled: &Assembled, trusted: bool) -> Result<(Vec<Entry>, Vec<String>), Diagnostic> {
+    let mut options = wgsl::Options::new();
+    options.capabilities = capabilities();
+    let module = wgsl::Frontend::new_with_options(options).parse(&assembled.text).map_err(|error| {
         let labels = error.labels().map(|(span, text)| (span, text.to_string())).collect();
+        if error.notes().any(|note| note.contains("recursion limit")) {
+            return Diagnostic::input(
+                "brackets, operators or types are too deep in one another for the parser of kernels",
+            )
+            .at(&assembled.main.everywhere(), "in this kernel")
+            .help("give names to parts with `let` or `alias`");
+        }
         diagnose(assembled, error.message().to_string(), labels, error.notes().next().map(str::to_string))
     })?;
-    let info = Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).map_err(|error| {
-        let labels = error.spans().map(|(span, text)| (*span, text.clone())).collect();
-        let causes = std::iter::successors(std::error::Error::source(error.as_inner()), |cause| cause.source());
-        diagnose(assembled, error.as_inner().to_string(), labels, causes.last().map(|cause| cause.to_string()))
-    })?;
+    let info = Validator::new(ValidationFlags::all(), capabilities())
+        .validate(&module)
+        .map_err(|error| invalid(assembled, &error))?;
     let mut entries = Vec::new();
     for (index, entry) in module.entry_points.iter().enumerate() {
         let function = info.get_entry_point(index);
@@ -227,11 +248,58 @@ pub fn reflect(assembled: &Assembled) -> Result<(Vec<Entry>, Vec<String>), Diagn
             .at(&second.origin, "put its fields into the other"));
         }
         bindings.sort_by_key(|binding| (binding.group, binding.binding));
-        let workgroup_size = entry.workgroup_size;
-        entries.push(Entry { name: entry.name.clone(), stage: entry.stage, workgroup_size, bindings });
+        let turns = loops::turns(&module, entry);
+        let resolved = match trusted {
+            true => Ok(entry.workgroup_size),
+            false => resolved_size(assembled, &module, &info, entry),
+        };
+        let (workgroup_size, refused) = resolved.map_or_else(|why| ([1; 3], Some(why)), |size| (size, None));
+        entries.push(Entry { name: entry.name.clone(), stage: entry.stage, workgroup_size, bindings, turns, refused });
     }
     let overrides = module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();
     Ok((entries, overrides))
+}
+
+fn invalid(assembled: &Assembled, error: &WithSpan<ValidationError>) -> Diagnostic {
+    let labels = error.spans().map(|(span, text)| (*span, text.clone())).collect();
+    let causes = std::iter::successors(std::error::Error::source(error.as_inner()), |cause| cause.source());
+    diagnose(assembled, error.as_inner().to_string(), labels, causes.last().map(|cause| cause.to_string()))
+}
+
+/// The workgroup of an entry point with all `override` constants in place, of which the pipeline gives none of a user's another value.
+fn resolved_size(
+    assembled: &Assembled,
+    module: &Module,
+    info: &ModuleInfo,
+    entry: &naga::EntryPoint,
+) -> Result<[u32; 3], Diagnostic> {
+    let resolved = process_overrides(module, info, Some((entry.stage, &entry.name)), &Default::default());
+    let (module, info) = resolved.map_err(|error| unresolved(assembled, module, error))?;
+    limits::check_entry(assembled, &module, &info, &entry.name)?;
+    let resolved = module.entry_points.iter().find(|resolved| resolved.name == entry.name);
+    Ok(resolved.map_or(entry.workgroup_size, |resolved| resolved.workgroup_size))
+}
+
+/// Says which constant has no value, or what is wrong with the kernel when all have theirs.
+fn unresolved(assembled: &Assembled, module: &Module, error: PipelineConstantError) -> Diagnostic {
+    let missing = match &error {
+        PipelineConstantError::ValidationError(error) => return invalid(assembled, error),
+        PipelineConstantError::MissingValue(name) => Some(name),
+        _ => None,
+    };
+    let is_it = |constant: &naga::Override| {
+        missing.is_some_and(|name| {
+            constant.name.as_ref() == Some(name) || constant.id.map(|id| id.to_string()).as_ref() == Some(name)
+        })
+    };
+    let Some((handle, constant)) = module.overrides.iter().find(|(_, constant)| is_it(constant)) else {
+        return Diagnostic::input(error.to_string()).at(&assembled.main.everywhere(), "in this kernel");
+    };
+    let origin = assembled.origin(module.overrides.get_span(handle).to_range().unwrap_or_default());
+    let name = constant.name.as_deref().unwrap_or_default();
+    Diagnostic::input(format!("the constant `{name}` has no value"))
+        .at(&origin, "declared here")
+        .help(format!("write `override {name} = ..;`, or make it a field of the parameters"))
 }
 
 fn diagnose(assembled: &Assembled, message: String, labels: Vec<(Span, String)>, note: Option<String>) -> Diagnostic {
@@ -262,16 +330,29 @@ fn binding(
     if place.group != if is_of_ground { GROUND_GROUP } else { OWN_GROUP } {
         return refuse("is in another group than 0; a kernel has one group");
     }
+    if place.binding >= limits::BINDINGS {
+        return refuse(&format!(
+            "has the number {}; a kernel numbers its bindings below {}",
+            place.binding,
+            limits::BINDINGS
+        ));
+    }
     let inner = &module.types[variable.ty].inner;
     let kind = match (variable.space, inner) {
+        (AddressSpace::Uniform, TypeInner::Struct { span, .. }) if *span > limits::PARAMETER_BYTES => {
+            return refuse(&format!("takes {span} bytes; parameters have room for {}", limits::PARAMETER_BYTES));
+        }
         (AddressSpace::Uniform, TypeInner::Struct { span, .. }) => {
             let mut structure = Structure { bytes: *span, fields: Vec::new(), nested: Vec::new() };
             flatten(module, variable.ty, "", 0, &origin, &mut structure)?;
             BindingKind::Params(structure)
         }
-        (AddressSpace::Storage { access }, TypeInner::Array { base, .. }) => {
+        (AddressSpace::Storage { access }, TypeInner::Array { base, size, .. }) => {
+            let length = if let ArraySize::Constant(length) = size { Some(length.get()) } else { None };
             match Elem::from_type(&module.types[*base].inner) {
-                Some(elem) => BindingKind::Storage { elem, read, written: access.contains(StorageAccess::STORE) },
+                Some(elem) => {
+                    BindingKind::Storage { elem, length, read, written: access.contains(StorageAccess::STORE) }
+                }
                 None => {
                     return refuse("is an array of a type that no buffer has: f32, u32, i32, vec2 and vec4 of them");
                 }

@@ -174,7 +174,7 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
             (BindingKind::Sampler, _) => Ok(()),
             (_, None) if self.run.unused.contains(name) => Ok(()),
             (_, None) => Err(self.mistake(format!("`{name}` is not bound to a buffer"), origin)),
-            (BindingKind::Storage { elem, read, written }, Some(id)) => {
+            (BindingKind::Storage { elem, length, read, written }, Some(id)) => {
                 let buffer = self.chain.buffer(id);
                 if buffer.storage == Storage::Target {
                     let message = format!("`{}` is a render target; bind it as `texture_2d<u32>`", buffer.name);
@@ -185,6 +185,13 @@ impl<'c, 'a> StepBuilder<'c, 'a> {
                     let (held, buffer) = (buffer.elem, &buffer.name);
                     let message = format!("`{name}` is an array of {elem:?}, but the buffer `{buffer}` holds {held:?}");
                     return Err(self.mistake(message, origin));
+                }
+                let needed = length.map_or(0, |length| u64::from(length) * elem.bytes());
+                if needed > buffer.bytes() && !self.chain.is_awaited(id) {
+                    let (bytes, buffer) = (buffer.bytes(), &buffer.name);
+                    let message = format!("`{name}` takes {needed} bytes, but the buffer `{buffer}` has {bytes}");
+                    let help = "an array without a length has as many elements as its buffer";
+                    return Err(self.mistake(message, origin).help(help));
                 }
                 // an update in place: the previous contents are an input
                 let updates = *read && self.chain.steps.iter().any(|step| step.writes.contains(&id));
