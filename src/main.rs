@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::rc::Rc;
 use std::sync::Arc;
+use std::time::Duration;
 
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -19,7 +20,7 @@ use lodlab::experiment::Experiment;
 use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::experiment::parameters::{Parameter, describe};
 use lodlab::experiment::sweep::{self, Setting};
-use lodlab::gpu::{Gpu, device};
+use lodlab::gpu::{Gpu, Waiting, device};
 use lodlab::plan::explain;
 use lodlab::report::table;
 use lodlab::run::{self, Event, Options};
@@ -74,6 +75,9 @@ enum Command {
         /// Runs what the plan would leave out, too
         #[arg(long)]
         keep_everything: bool,
+        /// Ends the run when the device works on one submission, or its driver on one kernel, for longer than that
+        #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(1..))]
+        patience: u32,
     },
     /// Shows what would run, what is left out and why, buffers and bytes; needs no device
     Plan {
@@ -251,12 +255,13 @@ fn carry_out(command: Command) -> Result<(), Diagnostic> {
             on_cpu,
             force,
             keep_everything,
+            patience,
         } => {
             let set = set.into_iter().chain(frames.map(|frames| format!("scene.camera.frames={frames}")));
             let pictures = picture;
             let settings = settings(set)?;
             let options = Options { settings, adapter, dump, pictures, every_frame, on_cpu, force, keep_everything };
-            run_files(&files, out, &options)
+            run_files(&files, out, Duration::from_secs(patience.into()), &options)
         }
         Command::Plan { file, set } => show_plans(&file, settings(set.into_iter())?),
         Command::Stages { name } => show_stages(name.as_deref()),
@@ -270,7 +275,21 @@ fn settings(arguments: impl Iterator<Item = String>) -> Result<Vec<Setting>, Dia
     arguments.map(|argument| sweep::read_setting(&argument)).collect()
 }
 
-fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Result<(), Diagnostic> {
+/// Says what is waited for; what has taken too long ends the program, since neither a device nor its driver can be interrupted. The records of
+/// cells are files by then.
+fn say_waiting(waiting: &Waiting) {
+    let (what, waited_s) = (&waiting.what, waiting.waited.as_secs());
+    if !waiting.is_over {
+        say!("  still waiting for {what} ({waited_s} s)");
+        return;
+    }
+    let message = format!("{what} has taken {waited_s} s and is not done");
+    let help = "the records of finished cells are kept; `--patience SECONDS` waits longer";
+    eprintln!("{}", Diagnostic::run(message).help(help));
+    std::process::exit(1);
+}
+
+fn run_files(files: &[PathBuf], out: Option<PathBuf>, patience: Duration, options: &Options) -> Result<(), Diagnostic> {
     for (at, file) in files.iter().enumerate() {
         if files[..at].iter().any(|other| other.file_stem() == file.file_stem()) {
             return Err(Diagnostic::input(format!(
@@ -291,6 +310,7 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, options: &Options) -> Resu
         }
     }
     let gpu = Gpu::open(options.adapter.as_deref())?;
+    gpu.watch(patience, |waiting| say_waiting(&waiting))?;
     for (file, experiment) in files.iter().zip(&experiments) {
         let stem = file.file_stem().unwrap_or_default();
         let folder = match &out {
@@ -473,7 +493,10 @@ fn show_devices() -> Result<(), Diagnostic> {
     if adapters.is_empty() {
         return Err(lodlab::gpu::GpuError::NoAdapter.into());
     }
-    for adapter in adapters {
+    for (at, adapter) in adapters.into_iter().enumerate() {
+        // what only an open device tells
+        let opened = Gpu::open_nth(at);
+        let adapter = opened.as_ref().map_or(adapter, |gpu| gpu.summary.clone());
         say!("{} ({}, {})", adapter.name, adapter.backend, adapter.kind);
         say!("  driver           {}", adapter.driver);
         say!("  subgroup size    {} to {}", adapter.subgroup_min_size, adapter.subgroup_max_size);
@@ -486,6 +509,12 @@ fn show_devices() -> Result<(), Diagnostic> {
                 "none to be believed: times are wall times"
             }
         );
+        let turns = match (&opened, adapter.loop_turns) {
+            (Err(error), _) => format!("not known: {error}"),
+            (Ok(_), Some(turns)) => format!("ended after {turns} turns of a thread in all, in silence"),
+            (Ok(_), None) => "not ended".to_string(),
+        };
+        say!("  loops            {turns}");
     }
     Ok(())
 }

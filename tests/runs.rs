@@ -452,3 +452,62 @@ fn what_has_no_memory_is_not_read_as_nothing() {
     assert!(matches!(executor.read(left_out), Err(lodlab::gpu::GpuError::Plan(_))));
     assert!(executor.read(setup.plan.find("grid_point").unwrap()).is_ok());
 }
+
+/// An adapter says how often the loops of a thread may turn, and a kernel with longer ones is warned of where it runs.
+#[test]
+fn loops_that_an_adapter_ends_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, turns) in [("short", 30_000), ("long", 150_000)] {
+        let kernel = format!(
+            "@group(0) @binding(0) var<storage, read_write> x: array<u32>;
+@compute @workgroup_size(1) fn main() {{
+    var turns = 0u;
+    for (var k = 0u; k < {turns}u; k++) {{ turns += 1u + (x[1] & 0u); }}
+    x[0] = turns;
+}}"
+        );
+        std::fs::write(folder.path().join(format!("{name}.wgsl")), kernel).unwrap();
+    }
+    let chain = |name: &str| {
+        format!(
+            "\"{name}\": [Kernel(file: \"{name}.wgsl\", bind: {{\"x\": New(name: \"x\", of: U32, size: (2, 1))}}, over: (1, 1))]"
+        )
+    };
+    let chains = format!("{}, {}", chain("short"), chain("long"));
+    for record in records_of(folder.path(), &chains, "measure: [Time(warmup: 0)]", &["--dump", "x"]) {
+        let name = record["chain"].as_str().unwrap();
+        let dumps = folder.path().join("made/dumps").join(record["hash"].as_str().unwrap());
+        let npy = std::fs::read(dumps.join("x_0000.npy")).unwrap();
+        let found = u32::from_le_bytes(npy[npy.len() - 8..npy.len() - 4].try_into().unwrap());
+        let is_ended = name == "long" && !record["adapter"]["loop_turns"].is_null();
+        let wanted = if name == "long" { 150_000 } else { 30_000 };
+        assert_eq!(found < wanted, is_ended, "{name}: {found}");
+        let warnings = record["warnings"].as_array().unwrap();
+        let is_warned = warnings.iter().any(|warning| warning.as_str().unwrap().contains("`main` (long.wgsl)"));
+        assert_eq!(is_warned, is_ended, "{name}: {warnings:?}");
+    }
+}
+
+/// Mesa's software driver takes minutes for a table of twenty thousand numbers, and cannot be interrupted.
+#[test]
+fn a_driver_that_takes_too_long_is_named_and_ends_the_run() {
+    let is_it = lodlab::gpu::Gpu::open(None).unwrap().summary.name.contains("llvmpipe");
+    let folder = tempfile::tempdir().unwrap();
+    let table = vec!["1.0"; 20_000].join(", ");
+    let kernel = format!(
+        "@group(0) @binding(0) var<storage, read_write> x: array<f32>;
+@compute @workgroup_size(1) fn main() {{ var table = array({table}); x[0] = table[u32(x[1]) % 20000u]; }}"
+    );
+    std::fs::write(folder.path().join("table.wgsl"), kernel).unwrap();
+    let text = "Experiment(scene: (terrain: Shape(kind: Flat, size: (9, 9)), camera: Still(eye: (100, 10, 50)), viewport: (8, 8)), \
+        chains: {\"first\": [HeightPyramid, RayCast], \
+        \"table\": [Kernel(file: \"table.wgsl\", bind: {\"x\": New(name: \"x\", of: F32, size: (2, 1))}, over: (1, 1))]}, \
+        measure: [Time(warmup: 0)])";
+    std::fs::write(folder.path().join("slow.ron"), text).unwrap();
+    if is_it {
+        let ended = run(folder.path(), &["run", "slow.ron", "--out", "out", "--patience", "1"]);
+        assert_eq!(ended.status.code(), Some(1));
+        assert!(errors(&ended).contains("the pipeline of `table.wgsl`"), "{}", errors(&ended));
+        assert_eq!(std::fs::read_dir(folder.path().join("out/cells")).unwrap().count(), 1);
+    }
+}

@@ -85,7 +85,7 @@ impl Gpu {
         known(&self.cache.pipelines, key, |key| {
             let what = format!("the pipeline of `{label}` ({})", kernel.name);
             let make = || self.scoped(&what, || make_pipeline(self, label, key, &module, &layouts));
-            compiled(kernel, make)
+            self.watched(|| what.clone(), || compiled(kernel, make))
         })
     }
 }

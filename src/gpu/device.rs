@@ -5,7 +5,8 @@ use std::sync::{Arc, Mutex, OnceLock};
 use serde::{Deserialize, Serialize};
 
 use super::cache::Cache;
-use super::{GpuError, timing};
+use super::watch::Watch;
+use super::{GpuError, timing, turns};
 use crate::plan::{BufferId, How, Plan, Step, Storage};
 
 /// What a record says about the machine it was made on.
@@ -20,6 +21,9 @@ pub struct AdapterSummary {
     pub storage_binding_bytes: u64,
     /// The adapter has timestamps, and they agree with the clock.
     pub timestamps: bool,
+    /// How often the loops of a thread turn in all before the adapter ends them; `None` if it has gone on as long as it was asked to.
+    #[serde(default)]
+    pub loop_turns: Option<u32>,
     /// Bounds and loop checks of built-in kernels; a user's kernel always has them.
     pub runtime_checks: String,
 }
@@ -40,6 +44,7 @@ pub struct Gpu {
     /// What a submission with nothing in it takes on the clock.
     pub submission_ms: f64,
     pub(super) cache: Cache,
+    pub(super) watch: Arc<Watch>,
     adapter: wgpu::Adapter,
     failure: Arc<Mutex<Option<String>>>,
 }
@@ -84,6 +89,7 @@ fn summarize(adapter: &wgpu::Adapter) -> AdapterSummary {
         // a software adapter works on the clock's own processor, and its stamps have been seen to be wrong
         timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY)
             && info.device_type != wgpu::DeviceType::Cpu,
+        loop_turns: None,
         runtime_checks: "off for built-in kernels".into(),
     }
 }
@@ -147,11 +153,20 @@ impl Gpu {
         });
         // a device can have less than its adapter
         let (limits, has_stamps) = (device.limits(), device.features().contains(wgpu::Features::TIMESTAMP_QUERY));
-        let (summary, cache) = (summarize(adapter), Cache::default());
-        let mut gpu =
-            Self { device, queue, summary, limits, submission_ms: 0.0, cache, adapter: adapter.clone(), failure };
+        let mut gpu = Self {
+            device,
+            queue,
+            summary: summarize(adapter),
+            limits,
+            submission_ms: 0.0,
+            cache: Cache::default(),
+            watch: Arc::default(),
+            adapter: adapter.clone(),
+            failure,
+        };
         gpu.submission_ms = timing::empty_submission_ms(&gpu)?;
         gpu.summary.timestamps = gpu.summary.timestamps && has_stamps && timing::stamps_agree_with_clock(&gpu)?;
+        gpu.summary.loop_turns = turns::most_turns(&gpu)?;
         Ok(Arc::new(gpu))
     }
 

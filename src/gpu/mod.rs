@@ -15,6 +15,8 @@ pub mod statistics;
 pub mod submit;
 mod timing;
 mod tool;
+mod turns;
+mod watch;
 
 use thiserror::Error;
 
@@ -24,6 +26,7 @@ pub use device::{AdapterSummary, Gpu};
 pub use execute::Executor;
 pub use held::Held;
 pub use submit::StepTime;
+pub use watch::Waiting;
 
 #[derive(Debug, Error)]
 pub enum GpuError {

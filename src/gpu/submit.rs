@@ -133,8 +133,13 @@ impl Executor {
         let start = Instant::now();
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.encode_steps(&mut encoder, steps)?;
-        self.gpu.queue.submit([encoder.finish()]);
-        self.gpu.wait()?;
+        self.gpu.watched(
+            || self.name_of(steps),
+            || {
+                self.gpu.queue.submit([encoder.finish()]);
+                self.gpu.wait()
+            },
+        )?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let (gpu_ms, each) = match &self.stamps {
             Some(stamps) => stamps.read(&self.gpu, steps, wall_ms)?,
@@ -142,5 +147,18 @@ impl Executor {
         };
         let steps = steps.iter().zip(each).map(|(&step, ms)| StepTime { step, ms }).collect();
         Ok(SubmissionTime { wall_ms, gpu_ms, steps })
+    }
+
+    /// What a submission is, for somebody who waits for it.
+    fn name_of(&self, steps: &[usize]) -> String {
+        let label = |at: &usize| self.plan.steps[*at].label.as_str();
+        let chain = &self.plan.chain;
+        match steps {
+            [] => format!("chain `{chain}`"),
+            [step] => format!("step `{}` of chain `{chain}`", label(step)),
+            [first, .., last] => {
+                format!("the {} steps `{}` to `{}` of chain `{chain}`", steps.len(), label(first), label(last))
+            }
+        }
     }
 }

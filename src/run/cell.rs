@@ -75,7 +75,7 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
         Timed::Frames { frames, by_steps } => (frames, by_steps),
         Timed::Overflowed(overflow) => return Ok(Ended::Overflowed(overflow)),
     };
-    let mut warnings = Vec::new();
+    let mut warnings = gpu.warn_of_loops(plan);
     if !on_cpu.is_empty() {
         let names: Vec<&str> = on_cpu.iter().map(|&at| prepared.cell.stages[at].name.as_str()).collect();
         warnings.push(format!("{} in f64 on the CPU: errors are of that, times of the kernels", names.join(", ")));
