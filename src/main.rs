@@ -283,9 +283,9 @@ fn say_waiting(waiting: &Waiting) {
         say!("  still waiting for {what} ({waited_s} s)");
         return;
     }
-    let message = format!("{what} has taken {waited_s} s and is not done");
+    let message = format!("not done after {waited_s} s: {what}");
     let help = "the records of finished cells are kept; `--patience SECONDS` waits longer";
-    eprintln!("{}", Diagnostic::run(message).help(help));
+    output::complain(Diagnostic::run(message).help(help));
     std::process::exit(1);
 }
 
