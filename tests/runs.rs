@@ -457,12 +457,14 @@ fn what_has_no_memory_is_not_read_as_nothing() {
 #[test]
 fn loops_that_an_adapter_ends_are_warned_of() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, turns) in [("short", 30_000), ("long", 150_000)] {
+    for (name, turns) in [("short", "30000u"), ("long", "150000u"), ("told", "params.turns")] {
         let kernel = format!(
-            "@group(0) @binding(0) var<storage, read_write> x: array<u32>;
+            "struct Params {{ turns: u32 }}
+@group(0) @binding(0) var<storage, read_write> x: array<u32>;
+@group(0) @binding(1) var<uniform> params: Params;
 @compute @workgroup_size(1) fn main() {{
-    var turns = 0u;
-    for (var k = 0u; k < {turns}u; k++) {{ turns += 1u + (x[1] & 0u); }}
+    var turns = params.turns & 0u;
+    for (var k = 0u; k < {turns}; k++) {{ turns += 1u + (x[1] & 0u); }}
     x[0] = turns;
 }}"
         );
@@ -470,20 +472,21 @@ fn loops_that_an_adapter_ends_are_warned_of() {
     }
     let chain = |name: &str| {
         format!(
-            "\"{name}\": [Kernel(file: \"{name}.wgsl\", bind: {{\"x\": New(name: \"x\", of: U32, size: (2, 1))}}, over: (1, 1))]"
+            "\"{name}\": [Kernel(file: \"{name}.wgsl\", bind: {{\"x\": New(name: \"x\", of: U32, size: (2, 1))}}, params: (turns: 150000), over: (1, 1))]"
         )
     };
-    let chains = format!("{}, {}", chain("short"), chain("long"));
+    let chains = ["short", "long", "told"].map(chain).join(", ");
     for record in records_of(folder.path(), &chains, "measure: [Time(warmup: 0)]", &["--dump", "x"]) {
         let name = record["chain"].as_str().unwrap();
         let dumps = folder.path().join("made/dumps").join(record["hash"].as_str().unwrap());
         let npy = std::fs::read(dumps.join("x_0000.npy")).unwrap();
         let found = u32::from_le_bytes(npy[npy.len() - 8..npy.len() - 4].try_into().unwrap());
-        let is_ended = name == "long" && !record["adapter"]["loop_turns"].is_null();
-        let wanted = if name == "long" { 150_000 } else { 30_000 };
+        let is_ended = name != "short" && !record["adapter"]["loop_turns"].is_null();
+        let wanted = if name == "short" { 30_000 } else { 150_000 };
         assert_eq!(found < wanted, is_ended, "{name}: {found}");
         let warnings = record["warnings"].as_array().unwrap();
-        let is_warned = warnings.iter().any(|warning| warning.as_str().unwrap().contains("`main` (long.wgsl)"));
+        let is_warned =
+            warnings.iter().any(|warning| warning.as_str().unwrap().contains(&format!("`main` ({name}.wgsl)")));
         assert_eq!(is_warned, is_ended, "{name}: {warnings:?}");
     }
 }

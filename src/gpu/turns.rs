@@ -78,7 +78,8 @@ impl Gpu {
         let runs = plan.steps.iter().filter_map(|step| step.run()).filter(|run| !run.kernel.trusted);
         let mut warnings: Vec<String> = Vec::new();
         for run in runs {
-            let turns = run.kernel.entry(&run.entry).map_or(0, |entry| entry.turns);
+            let parameter = |name: &str| run.params.iter().find(|(known, _)| known == name)?.1.whole();
+            let turns = run.kernel.turns(&run.entry, parameter);
             let warning = format!(
                 "the loops of `{}` ({}) turn up to {turns} times, and this adapter ends the loops of a thread after {most} turns in all, in silence",
                 run.entry, run.kernel.name

@@ -1,28 +1,33 @@
 //! How often the loops of a kernel turn, as far as its text says so.
 //!
-//! Counted are loops that compare a variable with a constant, change it by a constant and begin it with one. What depends on a parameter, a
-//! buffer or a `break` is not known here: such a loop counts as one turn, and one that ends early counts as if it did not.
+//! Counted are loops that compare a variable with a constant or a parameter, change it by one and begin it with one. What depends on a
+//! buffer, on sums or on a `break` is not known here: such a loop counts as one turn, and one that ends early counts as if it did not.
 
 use std::collections::HashMap;
 
 use naga::{
-    BinaryOperator, Block, EntryPoint, Expression, Function, Handle, Literal, LocalVariable, Module, Statement,
+    AddressSpace, BinaryOperator, Block, EntryPoint, Expression, Function, Handle, Literal, LocalVariable, Module,
+    Statement, TypeInner,
 };
 
-/// The turns of all loops that a thread of an entry point goes through, one after the other and in one another.
-pub fn turns(module: &Module, entry: &EntryPoint) -> u64 {
+/// The turns of all loops that a thread of an entry point goes through, one after the other and in one another. `parameter` is the value of
+/// a field of the kernel's uniform structure, where it is a whole number and known.
+pub fn turns(module: &Module, entry: &EntryPoint, parameter: &dyn Fn(&str) -> Option<i64>) -> u64 {
     let mut called = HashMap::new();
     // a function stands behind those that it calls
     for (handle, function) in module.functions.iter() {
-        let turns = Counter { module, function, called: &called, known: HashMap::new() }.block(&function.body);
+        let turns =
+            Counter { module, function, parameter, called: &called, known: HashMap::new() }.block(&function.body);
         called.insert(handle, turns);
     }
-    Counter { module, function: &entry.function, called: &called, known: HashMap::new() }.block(&entry.function.body)
+    Counter { module, function: &entry.function, parameter, called: &called, known: HashMap::new() }
+        .block(&entry.function.body)
 }
 
 struct Counter<'a> {
     module: &'a Module,
     function: &'a Function,
+    parameter: &'a dyn Fn(&str) -> Option<i64>,
     called: &'a HashMap<Handle<Function>, u64>,
     /// Variables that have just been given a constant.
     known: HashMap<Handle<LocalVariable>, i64>,
@@ -122,7 +127,19 @@ impl Counter<'_> {
         match &self.function.expressions[value] {
             Expression::Constant(constant) => global(self.module.constants[*constant].init),
             Expression::Override(constant) => global(self.module.overrides[*constant].init?),
+            Expression::Load { pointer } => (self.parameter)(self.field(*pointer)?),
             own => number(own),
+        }
+    }
+
+    /// The name of a field of the kernel's uniform structure.
+    fn field(&self, pointer: Handle<Expression>) -> Option<&str> {
+        let Expression::AccessIndex { base, index } = self.function.expressions[pointer] else { return None };
+        let Expression::GlobalVariable(variable) = self.function.expressions[base] else { return None };
+        let variable = &self.module.global_variables[variable];
+        match (variable.space, &self.module.types[variable.ty].inner) {
+            (AddressSpace::Uniform, TypeInner::Struct { members, .. }) => members.get(index as usize)?.name.as_deref(),
+            _ => None,
         }
     }
 }
@@ -157,12 +174,12 @@ mod tests {
 
     fn turns_of(body: &str) -> u64 {
         let text = format!(
-            "const MOST: u32 = 300u;\noverride MORE: u32 = 7u;\n@group(0) @binding(0) var<storage, read_write> x: array<u32>;\n\
+            "const MOST: u32 = 300u;\noverride MORE: u32 = 7u;\nstruct Params {{ least: u32, most: u32 }}\n@group(0) @binding(1) var<uniform> params: Params;\n@group(0) @binding(0) var<storage, read_write> x: array<u32>;\n\
              fn ten() {{ for (var i = 0; i < 10; i++) {{ x[i] = 1u; }} }}\n@compute @workgroup_size(1) fn main() {{ {body} }}"
         );
         let module =
             naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{}", error.emit_to_string(&text)));
-        turns(&module, &module.entry_points[0])
+        turns(&module, &module.entry_points[0], &|name| (name == "most").then_some(70_000))
     }
 
     #[test]
@@ -174,6 +191,12 @@ mod tests {
         assert_eq!(turns_of("for (var k = 0u; k < MORE; k++) { x[k] = 1u; }"), 7);
         assert_eq!(turns_of("var k = 0u; while k < 5u { k++; }"), 5);
         assert_eq!(turns_of("var k = 0u; loop { if k >= 5u { break; } x[k] = 1u; continuing { k++; } }"), 5);
+    }
+
+    #[test]
+    fn parameters_are_bounds_where_they_are_known() {
+        assert_eq!(turns_of("for (var k = 0u; k < params.most; k++) { x[k] = 1u; }"), 70_000);
+        assert_eq!(turns_of("for (var k = 0u; k < params.least; k++) { x[k] = 1u; }"), 1);
     }
 
     #[test]

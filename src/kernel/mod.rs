@@ -37,6 +37,7 @@ pub struct Kernel {
     pub overrides: Vec<String>,
     /// Kernels of this crate run without the driver's bounds checks; a user's kernel keeps them.
     pub trusted: bool,
+    module: naga::Module,
 }
 
 impl Kernel {
@@ -50,10 +51,10 @@ impl Kernel {
         let assembled = Assembled::new(source, form)?;
         limits::check_text(&assembled)?;
         let reflected = on_large_stack(|| reflect::reflect(&assembled, trusted));
-        let (entries, overrides) =
+        let (entries, overrides, module) =
             reflected.map_err(|why| Diagnostic::run(why).at(&assembled.main.everywhere(), "in this kernel"))??;
         let hash = blake3::hash(assembled.text.as_bytes()).to_hex().as_str()[..16].to_string();
-        Ok(Arc::new(Kernel { name, assembled, hash, entries, overrides, trusted }))
+        Ok(Arc::new(Kernel { name, assembled, hash, entries, overrides, trusted, module }))
     }
 
     pub fn entry(&self, name: &str) -> Result<&Entry, Diagnostic> {
@@ -63,6 +64,13 @@ impl Kernel {
                 .suggest(name, self.entries.iter().map(|entry| entry.name.as_str()))
         })?;
         entry.refused.clone().map_or(Ok(entry), Err)
+    }
+
+    /// How often the loops of a thread turn in all, as far as the kernel's text says so; `parameter` is the value of a field of its uniform
+    /// structure, where it is a whole number.
+    pub fn turns(&self, entry: &str, parameter: impl Fn(&str) -> Option<i64>) -> u64 {
+        let found = self.module.entry_points.iter().find(|known| known.name == entry);
+        found.map_or(0, |entry| loops::turns(&self.module, entry, &parameter))
     }
 
     /// The same kernel with the ground in another form.

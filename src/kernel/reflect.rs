@@ -7,7 +7,7 @@ use naga::{
     AddressSpace, ArraySize, GlobalVariable, Handle, Module, ScalarKind, Span, StorageAccess, TypeInner, WithSpan,
 };
 
-use super::{Assembled, limits, loops};
+use super::{Assembled, limits};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 
 /// The group of a kernel's own bindings, and that of the ground's, which the plan fills.
@@ -124,8 +124,6 @@ pub struct Entry {
     pub workgroup_size: [u32; 3],
     /// The bindings this entry point uses, in binding order.
     pub bindings: Vec<Binding>,
-    /// How often its loops turn in all, as far as the kernel's text says so.
-    pub turns: u64,
     /// Why no pipeline can be made of it; another entry point of the kernel may do.
     pub refused: Option<Diagnostic>,
 }
@@ -209,7 +207,7 @@ fn capabilities() -> Capabilities {
 }
 
 /// Parses, validates and describes a kernel. One that is not `trusted` is held to what every adapter has.
-pub fn reflect(assembled: &Assembled, trusted: bool) -> Result<(Vec<Entry>, Vec<String>), Diagnostic> {
+pub fn reflect(assembled: &Assembled, trusted: bool) -> Result<(Vec<Entry>, Vec<String>, Module), Diagnostic> {
     let mut options = wgsl::Options::new();
     options.capabilities = capabilities();
     let module = wgsl::Frontend::new_with_options(options).parse(&assembled.text).map_err(|error| {
@@ -248,16 +246,15 @@ pub fn reflect(assembled: &Assembled, trusted: bool) -> Result<(Vec<Entry>, Vec<
             .at(&second.origin, "put its fields into the other"));
         }
         bindings.sort_by_key(|binding| (binding.group, binding.binding));
-        let turns = loops::turns(&module, entry);
         let resolved = match trusted {
             true => Ok(entry.workgroup_size),
             false => resolved_size(assembled, &module, &info, entry),
         };
         let (workgroup_size, refused) = resolved.map_or_else(|why| ([1; 3], Some(why)), |size| (size, None));
-        entries.push(Entry { name: entry.name.clone(), stage: entry.stage, workgroup_size, bindings, turns, refused });
+        entries.push(Entry { name: entry.name.clone(), stage: entry.stage, workgroup_size, bindings, refused });
     }
     let overrides = module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();
-    Ok((entries, overrides))
+    Ok((entries, overrides, module))
 }
 
 fn invalid(assembled: &Assembled, error: &WithSpan<ValidationError>) -> Diagnostic {

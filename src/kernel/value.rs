@@ -17,6 +17,15 @@ impl Value {
         &self.bits[..self.kind.components().min(4) as usize]
     }
 
+    /// The value, if it is one whole number.
+    pub fn whole(&self) -> Option<i64> {
+        match self.kind {
+            FieldKind::U32(1) => Some(self.bits[0].into()),
+            FieldKind::I32(1) => Some((self.bits[0] as i32).into()),
+            _ => None,
+        }
+    }
+
     /// Writes the value to where naga says that its field is.
     pub fn pack(&self, field: &Field, bytes: &mut [u8]) {
         let packed: &[u8] = bytemuck::cast_slice(self.words());
