@@ -288,9 +288,17 @@ fn a_bound_holds_beside_cliffs() {
     let needles = "Noise(kind: Ridged, seed: 2683, size: (200, 129), cell_m: (1.0045, 0.1217), height_m: (3000, 3411), \
                    wavelength_m: 19.99, octaves: 4)";
     let views = [
-        (format!("{cliffs} 5)"), "(265, 465, 500), look_at: (82.5, 82.5, 1000), clearance_m: 5", "(96, 64), fov_deg: 100"),
+        (
+            format!("{cliffs} 5)"),
+            "(265, 465, 500), look_at: (82.5, 82.5, 1000), clearance_m: 5",
+            "(96, 64), fov_deg: 100",
+        ),
         (format!("{cliffs} 10)"), "(-500, -100, 500), look_at: (165, 165, 0), clearance_m: 5", "(96, 64), fov_deg: 60"),
-        (needles.into(), "(99.94775, 7.7888, 0), yaw_deg: 180, pitch_deg: -1, clearance_m: 0", "(121, 81), fov_deg: 20"),
+        (
+            needles.into(),
+            "(99.94775, 7.7888, 0), yaw_deg: 180, pitch_deg: -1, clearance_m: 0",
+            "(121, 81), fov_deg: 20",
+        ),
     ];
     for (terrain, eye, viewport) in views {
         holds(&terrain, &format!("Still(eye: {eye})"), viewport, BOUNDED);

@@ -20,7 +20,9 @@ fn warp(gpu: &Arc<Gpu>, kind: u32, (columns, rows): (u32, u32), parameters: &str
     Ran::chain(gpu, SCENE, &format!("[{source}, ViewGrid(size: (33, 17)), Warp({parameters})]"))
 }
 
-const PATTERNS: std::ops::Range<u32> = 0..8;
+const PATTERNS: std::ops::Range<u32> = 0..9;
+/// The pattern whose rows differ, in the middle of 64 x 48.
+const FOLDING: u32 = 8;
 /// (Eight threads of a software adapter go together, and what ends their loops counts the longest way of any at every turn.)
 const SIZES: [(u32, u32); 8] = [(1, 1), (2, 1), (1, 3), (3, 2), (64, 48), (97, 31), (4095, 2), (8192, 8)];
 
@@ -47,9 +49,14 @@ fn ends_are_exact_and_nothing_runs_backwards() {
 fn no_cell_of_the_grid_folds() {
     let gpu = Gpu::open(None).unwrap();
     for kind in PATTERNS {
-        for (size, parameters) in
-            [((3, 2), ""), ((16, 16), ""), ((64, 48), ""), ((64, 48), "rounds: 3"), ((97, 31), "uniform_share: 0.2")]
-        {
+        for (size, parameters) in [
+            ((3, 2), ""),
+            ((16, 16), ""),
+            ((64, 48), ""),
+            ((64, 48), "rounds: 3"),
+            ((31, 33), "rounds: 8"),
+            ((97, 31), "uniform_share: 0.2"),
+        ] {
             let ran = warp(&gpu, kind, size, parameters);
             let points = ran.read::<[f32; 2]>("grid_point");
             let at = |x: usize, y: usize| points[y * 33 + x].map(f64::from);
@@ -102,4 +109,42 @@ fn plain_sums_fail_where_compensated_ones_hold() {
     println!("compensated {compensated:e}, plain {plain:e}, tolerance {tolerance:e}");
     assert!(compensated <= tolerance, "{compensated:e}");
     assert!(plain > 10.0 * tolerance, "plain sums are off by {plain:e} only");
+}
+
+/// Every round applied the same importance once more, and the mean error went from 0.9 to 32 px in eight rounds.
+#[test]
+fn more_rounds_are_never_worse() {
+    let scene = "terrain: Noise(kind: Ridged, seed: 4, size: (257, 257), cell_m: 30, height_m: (0, 900), wavelength_m: 2500), \
+                 camera: Still(eye: (1000, 300, 1100), look_at: (5000, 6000, 200)), viewport: (160, 120)";
+    let rms_px = |rounds: u32| {
+        let chain = format!(
+            "[HeightPyramid, ViewGrid(size: (40, 30)), AspectImportance, Warp(rounds: {rounds}), Project, Rasterize]"
+        );
+        let text =
+            format!("Experiment(scene: ({scene}), chains: {{\"warped\": {chain}}}, measure: [ScreenError, Mesh])");
+        let folder = tempfile::tempdir().unwrap();
+        let record = &common::records_of(folder.path(), &text, &[])[0];
+        assert_eq!(common::measure(record, "folded"), Some(0.0), "{rounds} rounds");
+        common::measure(record, "error_rms").unwrap()
+    };
+    let once = rms_px(1);
+    for rounds in [2, 4, 8] {
+        let error_px = rms_px(rounds);
+        assert!(error_px < 1.01 * once, "{rounds} rounds: {error_px} px, one: {once} px");
+    }
+}
+
+/// Where a few cells would fold, they and what is next to them give way, and the warp of the others stays but for what the grid still needs.
+#[test]
+fn a_fold_is_undone_where_it_is() {
+    let gpu = Gpu::open(None).unwrap();
+    let (columns, rows) = (64, 48);
+    let ran = warp(&gpu, FOLDING, (columns, rows), "");
+    let gave_way = ran.read::<u32>("warp_gave_way");
+    let moved = gave_way.iter().filter(|times| **times > 0).count();
+    assert!(moved > 0, "nothing would fold");
+    assert!(moved < gave_way.len() / 4, "{moved} of {} corners gave way", gave_way.len());
+    // a quarter, if the whole warp alone gave way
+    let share = f32::from_bits(ran.read::<u32>("warp_share")[0]);
+    assert!(share > 0.7, "{share} of the warp is left");
 }

@@ -15,7 +15,9 @@ struct Params {
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> importance: array<f32>;
-@group(0) @binding(2) var<storage, read_write> resampled: array<f32>;
+/// Weights of a further round along rows, and down columns.
+@group(0) @binding(2) var<storage, read_write> along_out: array<f32>;
+@group(0) @binding(14) var<storage, read_write> down_out: array<f32>;
 /// For every row of the map, where its column borders go.
 @group(0) @binding(3) var<storage, read_write> rows_out: array<f32>;
 @group(0) @binding(4) var<storage, read> warp_rows: array<f32>;
@@ -29,6 +31,15 @@ struct Params {
 /// How much of the warp keeps every cell convex, as the bits of an f32.
 @group(0) @binding(10) var<storage, read_write> share_out: array<atomic<u32>>;
 @group(0) @binding(11) var<storage, read> share: array<u32>;
+/// How often each corner of the importance map's cells gave way.
+@group(0) @binding(15) var<storage, read_write> gave_way: array<u32>;
+/// Workgroups along x, y and z that visit all corners; none along x without a fold.
+@group(0) @binding(16) var<storage, read_write> fold_work: array<atomic<u32>>;
+/// The same for the cells of the grid; none along x if no round has folded anything.
+@group(0) @binding(18) var<storage, read_write> grid_work: array<atomic<u32>>;
+/// The same again; none along x if the grid has no fold.
+@group(0) @binding(19) var<storage, read_write> left_work: array<atomic<u32>>;
+@group(0) @binding(17) var<storage, read> relax_from: array<vec2<f32>>;
 @group(0) @binding(12) var<storage, read> uniform_point: array<vec2<f32>>;
 @group(0) @binding(13) var<storage, read_write> grid_point: array<vec2<f32>>;
 
@@ -174,32 +185,53 @@ fn interpolate(nw: vec2<f32>, ne: vec2<f32>, sw: vec2<f32>, se: vec2<f32>, w: ve
     return vec2(between(north.x, south.x, w.y), between(north.y, south.y, w.y));
 }
 
-/// The importance where the rounds before have put each cell.
+/// The importance where the rounds before have put each cell, times the size that they have left it: what they have given is divided out, so
+/// that a round only gives what is missing. (The importance alone would be applied once more in each round.)
 @compute @workgroup_size(8, 8)
 fn resample(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.size) {
         return;
     }
-    let middle = mapped_before((vec2<f32>(id.xy) + 0.5) / vec2<f32>(params.size));
-    let last = vec2<f32>(params.size - 1u);
-    let place = clamp(middle * vec2<f32>(params.size) - 0.5, vec2(0.0), last);
+    let cells = vec2<f32>(params.size);
+    let middle = mapped_before((vec2<f32>(id.xy) + 0.5) / cells);
+    let place = clamp(middle * cells - 0.5, vec2(0.0), cells - 1.0);
     let low = min(vec2<u32>(place), params.size - 1u);
     let high = min(low + 1u, params.size - 1u);
     let w = place - vec2<f32>(low);
     let north = between(important(low), important(vec2(high.x, low.y)), w.x);
     let south = between(important(vec2(low.x, high.y)), important(high), w.x);
-    resampled[id.y * params.size.x + id.x] = between(north, south, w.y);
+    let wanted = between(north, south, w.y);
+    let first = id.y * (params.size.x + 1u) + id.x;
+    let below = first + params.size.x + 1u;
+    let along = (map_before[first + 1u] - map_before[first]) + (map_before[below + 1u] - map_before[below]);
+    let down = (map_before[below] - map_before[first]) + (map_before[below + 1u] - map_before[first + 1u]);
+    let index = id.y * params.size.x + id.x;
+    // half the sum of two sides of the cell; 1 is a cell that has not been moved
+    along_out[index] = min(wanted, 1.0e30) * (0.5 * length(along * cells));
+    down_out[index] = min(wanted, 1.0e30) * (0.5 * length(down * cells));
 }
 
 /// A corner goes down its column's warp, then along the warp of the row it has come to.
 @compute @workgroup_size(8, 8)
 fn compose(@builtin(global_invocation_id) id: vec3<u32>) {
     if all(id.xy == vec2(0u)) {
-        atomicStore(&share_out[0], bitcast<u32>(1.0));
+        atomicStore(&fold_work[0], 0u);
+        atomicStore(&fold_work[1], groups().y);
+        atomicStore(&fold_work[2], 1u);
+        if !HAS_MAP {
+            atomicStore(&grid_work[0], 0u);
+            atomicStore(&grid_work[1], grid_groups().y);
+            atomicStore(&grid_work[2], 1u);
+            atomicStore(&left_work[0], 0u);
+            atomicStore(&left_work[1], grid_groups().y);
+            atomicStore(&left_work[2], 1u);
+            atomicStore(&share_out[0], bitcast<u32>(1.0));
+        }
     }
     if any(id.xy > params.size) {
         return;
     }
+    gave_way[id.y * (params.size.x + 1u) + id.x] = 0u;
     let west = max(id.x, 1u) - 1u;
     let east = min(id.x, params.size.x - 1u);
     let points = params.size.y + 1u;
@@ -214,6 +246,79 @@ fn compose(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// Least area of a cell's corner, as a share of what it has without warp.
 const LEAST: f32 = 0.01;
+
+/// Workgroups that visit all corners of the map's cells.
+fn groups() -> vec2<u32> {
+    return (params.size + 8u) / 8u;
+}
+
+/// Workgroups that visit all cells of the grid.
+fn grid_groups() -> vec2<u32> {
+    return (params.grid + 6u) / 8u;
+}
+
+/// Of the four corners of a cell, the least area as a share of what it is without warp; negative if the cell is folded.
+fn least_area(nw: vec2<f32>, ne: vec2<f32>, sw: vec2<f32>, se: vec2<f32>) -> f32 {
+    let north = min(area(ne - nw, sw - nw), area(ne - nw, se - ne));
+    return min(north, min(area(se - sw, sw - nw), area(se - sw, se - ne)));
+}
+
+fn area(along: vec2<f32>, down: vec2<f32>) -> f32 {
+    let cells = vec2<f32>(params.size);
+    return turn(along * cells, down * cells);
+}
+
+/// Whether any cell folds; otherwise no workgroup of `relax` begins.
+@compute @workgroup_size(8, 8)
+fn find_folds(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.size) {
+        return;
+    }
+    let north = id.y * (params.size.x + 1u) + id.x;
+    let south = north + params.size.x + 1u;
+    if least_area(warp_map[north], warp_map[north + 1u], warp_map[south], warp_map[south + 1u]) < LEAST {
+        atomicMax(&fold_work[0], groups().x);
+        atomicMax(&grid_work[0], grid_groups().x);
+    }
+}
+
+/// A warp along rows that differ can fold the cells between them. The corners of those cells, and no others, give way: each goes to the
+/// middle of its neighbours, along the border if it is there. Done to all corners without end this leaves no fold (Tutte 1963).
+@compute @workgroup_size(8, 8)
+fn relax(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy > params.size) {
+        return;
+    }
+    let wide = params.size.x + 1u;
+    let index = id.y * wide + id.x;
+    var place = relax_from[index];
+    let is_inside = (id.xy > vec2(0u)) & (id.xy < params.size);
+    if any(is_inside) && least_around(id.xy) < LEAST {
+        let beside = select(0u, 1u, is_inside.x);
+        let over = select(0u, wide, is_inside.y);
+        // where there is no neighbour the corner is its own, and stays on the border
+        let along = 0.5 * (relax_from[index - beside] + relax_from[index + beside]);
+        let down = 0.5 * (relax_from[index - over] + relax_from[index + over]);
+        place = select(select(down, along, is_inside.x), 0.5 * (along + down), all(is_inside));
+        gave_way[index] += 1u;
+    }
+    map_out[index] = place;
+}
+
+/// The least area of the cells around a corner.
+fn least_around(corner: vec2<u32>) -> f32 {
+    var least = 1.0;
+    for (var i = 0u; i < 4u; i++) {
+        // before the first row and column numbers are as large as they can be
+        let cell = corner - vec2(i & 1u, i >> 1u);
+        if all(cell < params.size) {
+            let north = cell.y * (params.size.x + 1u) + cell.x;
+            let south = north + params.size.x + 1u;
+            least = min(least, least_area(relax_from[north], relax_from[north + 1u], relax_from[south], relax_from[south + 1u]));
+        }
+    }
+    return least;
+}
 
 /// How far along the straight way from unwarped (0) to warped (1) a corner keeps its sense of rotation: `along` and `down` are
 /// by how much its edges change, in cells. The corner's area is 1 + b t + a t^2.
@@ -231,20 +336,36 @@ fn convex_until(along: vec2<f32>, down: vec2<f32>) -> f32 {
     return min(select(2.0, first, first > 0.0), select(2.0, second, second > 0.0));
 }
 
-fn moved(at: vec2<u32>) -> vec2<f32> {
-    return warp_map[at.y * (params.size.x + 1u) + at.x] * vec2<f32>(params.size) - vec2<f32>(at);
-}
-
-/// A warp along rows that differ can fold the cells between them: the whole of it goes only as far as none does.
+/// Whether a cell of the grid still folds, where corners of a finer map gave way and lie close together or not often enough.
 @compute @workgroup_size(8, 8)
-fn unfold(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+fn find_grid_folds(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy + 1u >= params.grid) {
         return;
     }
-    let nw = moved(id.xy);
-    let ne = moved(id.xy + vec2(1u, 0u));
-    let sw = moved(id.xy + vec2(0u, 1u));
-    let se = moved(id.xy + 1u);
+    let along = vec2(1.0, 0.0) + grid_moved(id.xy + vec2(1u, 0u)) - grid_moved(id.xy);
+    let down = vec2(0.0, 1.0) + grid_moved(id.xy + vec2(0u, 1u)) - grid_moved(id.xy);
+    let far_along = vec2(1.0, 0.0) + grid_moved(id.xy + 1u) - grid_moved(id.xy + vec2(0u, 1u));
+    let far_down = vec2(0.0, 1.0) + grid_moved(id.xy + 1u) - grid_moved(id.xy + vec2(1u, 0u));
+    let north = min(turn(along, down), turn(along, far_down));
+    if min(north, min(turn(far_along, down), turn(far_along, far_down))) < LEAST {
+        atomicMax(&left_work[0], grid_groups().x);
+    }
+}
+
+fn turn(along: vec2<f32>, down: vec2<f32>) -> f32 {
+    return along.x * down.y - along.y * down.x;
+}
+
+/// Then the whole warp goes only as far as none does.
+@compute @workgroup_size(8, 8)
+fn unfold(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy + 1u >= params.grid) {
+        return;
+    }
+    let nw = grid_moved(id.xy);
+    let ne = grid_moved(id.xy + vec2(1u, 0u));
+    let sw = grid_moved(id.xy + vec2(0u, 1u));
+    let se = grid_moved(id.xy + 1u);
     let north = min(convex_until(ne - nw, sw - nw), convex_until(ne - nw, se - ne));
     let south = min(convex_until(se - sw, sw - nw), convex_until(se - sw, se - ne));
     let until = min(north, south);
@@ -252,6 +373,21 @@ fn unfold(@builtin(global_invocation_id) id: vec3<u32>) {
         // positive floats are ordered like their bits
         atomicMin(&share_out[0], bitcast<u32>(0.999 * until));
     }
+}
+
+/// How far a point of the grid is moved, in cells of the grid.
+fn grid_moved(at: vec2<u32>) -> vec2<f32> {
+    let place = uniform_point[at.y * params.grid.x + at.x];
+    return (warped_place(place) - place) * vec2<f32>(params.grid - 1u);
+}
+
+/// Bilinear in the finished map.
+fn warped_place(place: vec2<f32>) -> vec2<f32> {
+    let at = clamp(place, vec2(0.0), vec2(1.0)) * vec2<f32>(params.size);
+    let low = min(vec2<u32>(at), params.size - 1u);
+    let first = low.y * (params.size.x + 1u) + low.x;
+    let south = first + params.size.x + 1u;
+    return interpolate(warp_map[first], warp_map[first + 1u], warp_map[south], warp_map[south + 1u], at - vec2<f32>(low));
 }
 
 /// The coarse warp at every point of the grid.
@@ -262,11 +398,7 @@ fn refine(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let index = id.y * params.grid.x + id.x;
     let place = uniform_point[index];
-    let at = clamp(place, vec2(0.0), vec2(1.0)) * vec2<f32>(params.size);
-    let low = min(vec2<u32>(at), params.size - 1u);
-    let first = low.y * (params.size.x + 1u) + low.x;
-    let south = first + params.size.x + 1u;
-    let warped = interpolate(warp_map[first], warp_map[first + 1u], warp_map[south], warp_map[south + 1u], at - vec2<f32>(low));
+    let warped = warped_place(place);
     let far = bitcast<f32>(share[0]);
     grid_point[index] = clamp(vec2(between(place.x, warped.x, far), between(place.y, warped.y, far)), vec2(0.0), vec2(1.0));
 }

@@ -32,9 +32,7 @@ impl Distribution {
     pub fn measured(&self, name: &str) -> Vec<Measured> {
         let mean = |sum: f64| (self.count > 0).then(|| sum / self.count as f64);
         let figure = |what: &str, value| Measured::new(&format!("{name}_{what}"), value, "px");
-        let percentile = |percent: u32| {
-            figure(&format!("p{percent}"), self.percentile(f64::from(percent) / 100.0))
-        };
+        let percentile = |percent: u32| figure(&format!("p{percent}"), self.percentile(f64::from(percent) / 100.0));
         vec![
             figure("max", (self.count > 0).then_some(self.largest)),
             figure("mean", mean(self.sum)),

@@ -138,7 +138,8 @@ impl Summary {
         let mesh = list.placed(ground, camera);
         self.cracks += list.cracks();
         if let Some((drawn_m, true_m)) = drawn_and_true_m {
-            *self.pinholes.get_or_insert_default() += pinholes::count(&mesh, &list.gaps(ground, camera), camera, drawn_m, true_m);
+            *self.pinholes.get_or_insert_default() +=
+                pinholes::count(&mesh, &list.gaps(ground, camera), camera, drawn_m, true_m);
         }
         self.add_uncracked(&mesh, ground, camera);
     }

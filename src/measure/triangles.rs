@@ -140,7 +140,11 @@ impl Listed {
                         .map(|(edge, at)| place(edge, at).as_vec3().to_array());
                     gaps.corners.extend([[a, b, c], [a, c, d]]);
                 }
-                if this.to <= other.to { these.next() } else { others.next() };
+                if this.to <= other.to {
+                    these.next()
+                } else {
+                    others.next()
+                };
             }
         }
         gaps

@@ -47,6 +47,12 @@ fn weights(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
         case 3u: { importance[at] = bitcast<f32>(1u + hash(at) % 0x7fffffu); }
         // 0 and 1
         case 4u: { importance[at] = f32(at & 1u); }
+        // of rows of 64, a few whose importance is to the left and a few where it is to the right
+        case 8u: {
+            let place = vec2(at % 64u, at / 64u);
+            let is_there = place.y >= 20u && place.y < 28u && ((place.x < 32u) == (place.y < 24u));
+            importance[at] = select(1.0, 12.0, is_there && place.x >= 28u && place.x < 36u);
+        }
         // NaN, infinity, negative numbers among ordinary ones
         case 5u: {
             let odd = array(0x7fc00000u, 0x7f800000u, 0xbf800000u, 0x3f800000u, 0x40000000u);

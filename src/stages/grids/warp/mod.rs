@@ -16,7 +16,7 @@ pub const INFO: Info = Info {
     formula: "along a row, then down a column: x(s) with F(x(s)) = s F(1), F the running sum of the importance",
     source: "Dachsbacher, Stamminger 2004, section 3.3, Fig. 5; refinement after Loeffler et al. 2009, section 4",
     reads: &["importance", "grid_point"],
-    writes: &["warp_rows", "warp_columns", "warp_map", "grid_point"],
+    writes: &["warp_rows", "warp_columns", "warp_map", "warp_gave_way", "grid_point"],
     parameters: schema::<Warp>,
     read: read_as::<Warp>,
     examples: &[
@@ -29,10 +29,13 @@ pub const INFO: Info = Info {
     ..Info::EMPTY
 };
 
+/// How often the corners of cells that are folded give way in a round; an even number.
+const RELAXATIONS: usize = 8;
+
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Warp {
-    /// how often rows and columns are warped
+    /// how often rows and columns are warped; each further round gives what the rounds before have left missing
     #[schemars(range(min = 1, max = 8))]
     rounds: u32,
     /// share of the points that importance does not move: 0 is none, 1 is all
@@ -77,17 +80,23 @@ impl Stage for Warp {
         }
         let importance = chain.read_as("importance", Elem::F32, &[rows, columns])?;
         let size = UVec2::new(columns, rows);
+        let work = GridWork::new(chain);
         let mut map = None;
         for round in 0..self.rounds {
-            map = Some(self.round(chain, round, importance, (size, grid), map)?);
+            map = Some(self.round(chain, round, importance, (size, grid), map, &work)?);
         }
-        let Some((map, share)) = map else { return Ok(()) };
+        let Some(map) = map else { return Ok(()) };
+        for (entry, out, over) in [("find_grid_folds", "left_work", work.cells), ("unfold", "share_out", work.folded)] {
+            let step = self.step(chain, entry, self.rounds - 1, (size, grid))?.bind("warp_map", map);
+            let made = if out == "share_out" { work.share } else { work.folded };
+            step.bind("uniform_point", points).bind(out, made).over_indirect(over)?;
+        }
         let meaning = "place in the projector's image, (0, 0) to (1, 1)";
         let warped = chain.make("grid_point", Elem::Vec2F32, &[grid.y, grid.x], "", meaning);
         chain.set_spread(warped, Spread::GridPoints);
         self.step(chain, "refine", self.rounds - 1, (size, grid))?
             .bind("warp_map", map)
-            .bind("share", share)
+            .bind("share", work.share)
             .bind("uniform_point", points)
             .bind("grid_point", warped)
             .over(grid)
@@ -95,47 +104,79 @@ impl Stage for Warp {
 }
 
 impl Warp {
-    /// One round of rows and columns; the map so far and how much of it keeps every cell convex.
+    /// One round of rows and columns: the map so far.
     fn round(
         &self,
         chain: &mut Chain,
         round: u32,
         importance: BufferId,
         (size, grid): (UVec2, UVec2),
-        before: Option<(BufferId, BufferId)>,
-    ) -> Result<(BufferId, BufferId), Diagnostic> {
+        before: Option<BufferId>,
+        work: &GridWork,
+    ) -> Result<BufferId, Diagnostic> {
         let (wide, high) = (size.x + 1, size.y + 1);
-        let mut weights = importance;
-        if let Some((map, _)) = before {
-            let meaning = "importance after earlier rounds";
-            weights = chain.make("warped_importance", Elem::F32, &[size.y, size.x], "", meaning);
-            chain.set_spread(weights, Spread::Projector);
+        let (mut along, mut down) = (importance, importance);
+        if let Some(map) = before {
+            let meaning = "importance that earlier rounds have left, ";
+            let mut make = |name, way| {
+                let id = chain.make(name, Elem::F32, &[size.y, size.x], "", &format!("{meaning}{way}"));
+                chain.set_spread(id, Spread::Projector);
+                id
+            };
+            (along, down) = (make("missing_along", "along rows"), make("missing_down", "down columns"));
             let resample = self.step(chain, "resample", round, (size, grid))?.bind("importance", importance);
-            resample.bind("map_before", map).bind("resampled", weights).over(size)?;
+            resample.bind("map_before", map).bind("along_out", along).bind("down_out", down).over(size)?;
         }
         let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go");
         let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go");
-        let map = chain.make("warp_map", Elem::Vec2F32, &[high, wide], "", "where the map's corners go");
+        let map = make_map(chain, "warp_map", size);
         [rows, columns].into_iter().for_each(|id| chain.set_spread(id, Spread::Rows));
-        chain.set_spread(map, Spread::ProjectorCorners);
-        let meaning = "how much of the warp keeps every cell convex, as the bits of an f32";
-        let share = chain.make("warp_share", Elem::U32, &[1], "", meaning);
+        let meaning = "how often each corner of the map gave way to a fold";
+        let gave_way = chain.make("warp_gave_way", Elem::U32, &[high, wide], "", meaning);
+        chain.set_spread(gave_way, Spread::ProjectorCorners);
+        let fold_work = chain.make("fold_work", Elem::U32, &[3], "", "workgroups along x, y, z that look after folds");
         // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
         // warps, and any buffer will do for them
-        let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", weights).bind("rows_out", rows);
-        walk.bind("warp_rows", weights).leave_unbound("columns_out").over(UVec2::new(size.y, 1))?;
+        let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", along).bind("rows_out", rows);
+        walk.bind("warp_rows", along).leave_unbound("columns_out").over(UVec2::new(size.y, 1))?;
         let walk =
-            self.step(chain, "columns", round, (size, grid))?.bind("importance", weights).bind("columns_out", columns);
+            self.step(chain, "columns", round, (size, grid))?.bind("importance", down).bind("columns_out", columns);
         walk.bind("warp_rows", rows).leave_unbound("rows_out").over(UVec2::new(size.x, 1))?;
         let compose =
             self.step(chain, "compose", round, (size, grid))?.bind("warp_rows", rows).bind("warp_columns", columns);
         let compose = match before {
-            Some((map, _)) => compose.bind("map_before", map),
+            Some(map) => compose.bind("map_before", map),
             None => compose.leave_unbound("map_before"),
         };
-        compose.bind("map_out", map).bind("share_out", share).over(UVec2::new(wide, high))?;
-        self.step(chain, "unfold", round, (size, grid))?.bind("warp_map", map).bind("share_out", share).over(size)?;
-        Ok((map, share))
+        compose
+            .bind("map_out", map)
+            .bind("share_out", work.share)
+            .bind("gave_way", gave_way)
+            .bind("fold_work", fold_work)
+            .bind("grid_work", work.cells)
+            .bind("left_work", work.folded)
+            .over(UVec2::new(wide, high))?;
+        let find = self.step(chain, "find_folds", round, (size, grid))?.bind("warp_map", map);
+        find.bind("fold_work", fold_work).bind("grid_work", work.cells).over(size)?;
+        self.give_way(chain, round, (size, grid), [map, fold_work, gave_way])?;
+        Ok(map)
+    }
+
+    /// Lets the corners of folded cells give way, if there are any.
+    fn give_way(
+        &self,
+        chain: &mut Chain,
+        round: u32,
+        (size, grid): (UVec2, UVec2),
+        [map, work, gave_way]: [BufferId; 3],
+    ) -> Result<(), Diagnostic> {
+        let other = make_map(chain, "relaxed_map", size);
+        // the last one leaves the map where it was, and none of them begins without a fold
+        for (from, to) in [(map, other), (other, map)].into_iter().cycle().take(RELAXATIONS) {
+            let relax = self.step(chain, "relax", round, (size, grid))?.bind("relax_from", from).bind("map_out", to);
+            relax.bind("gave_way", gave_way).over_indirect(work)?;
+        }
+        Ok(())
     }
 
     fn step<'c, 'a>(
@@ -154,4 +195,30 @@ impl Warp {
             .set("grid", grid.to_array())
             .set("uniform_share", self.uniform_share as f32))
     }
+}
+
+/// What is done about folds of the grid itself.
+struct GridWork {
+    /// Workgroups that look at its cells, if a round has folded anything.
+    cells: BufferId,
+    /// The same, if any of them is folded.
+    folded: BufferId,
+    /// How much of the warp keeps all of them convex.
+    share: BufferId,
+}
+
+impl GridWork {
+    fn new(chain: &mut Chain) -> Self {
+        let meaning = "workgroups along x, y, z that look after folds of the grid";
+        let cells = chain.make("grid_work", Elem::U32, &[3], "", meaning);
+        let folded = chain.make("left_work", Elem::U32, &[3], "", meaning);
+        let meaning = "how much of the warp keeps every cell convex, as the bits of an f32";
+        Self { cells, folded, share: chain.make("warp_share", Elem::U32, &[1], "", meaning) }
+    }
+}
+
+fn make_map(chain: &mut Chain, name: &str, size: UVec2) -> BufferId {
+    let map = chain.make(name, Elem::Vec2F32, &[size.y + 1, size.x + 1], "", "where the map's corners go");
+    chain.set_spread(map, Spread::ProjectorCorners);
+    map
 }

@@ -1,6 +1,6 @@
 use glam::{DVec2, UVec2};
 
-use super::Warp;
+use super::{RELAXATIONS, Warp};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::rounding::EPSILON;
 
@@ -9,21 +9,33 @@ impl Reference for Warp {
         let importance = Map::of(buffers.get("importance")?.as_ref());
         let mut map = importance.identity();
         let mut last = None;
-        for _ in 0..self.rounds {
-            let resampled = importance.resampled(&map);
-            let rows: Vec<Line> = (0..resampled.size.y).map(|row| self.line(&resampled.row(row))).collect();
+        let mut gave_way = Values::missing(&[0, 0], 1);
+        // there were folds, or there may have been
+        let mut folds = (false, false);
+        for round in 0..self.rounds {
+            let missing = (round > 0).then(|| importance.missing(&map));
+            let [along, down] = missing.as_ref().map_or([&importance; 2], |missing| missing.each_ref());
+            let rows: Vec<Line> = (0..along.size.y).map(|row| self.line(&along.row(row))).collect();
             let columns: Vec<Line> =
-                (0..resampled.size.x).map(|column| self.line(&resampled.warped_column(column, &rows))).collect();
+                (0..down.size.x).map(|column| self.line(&down.warped_column(column, &rows))).collect();
             map = map.composed(&rows, &columns);
+            gave_way = Values::missing(&[along.size.y + 1, along.size.x + 1], 1);
+            (0..map.corners.len()).for_each(|at| gave_way.set(at, 0.0, 0.0));
+            for _ in 0..RELAXATIONS {
+                map = map.relaxed(&mut gave_way);
+            }
+            folds.0 |= gave_way.value.iter().any(|&times| times > 0.0);
+            folds.1 |= gave_way.bound.iter().any(|&times| times > 0.0);
             last = Some((rows, columns));
         }
-        let share = map.convex_share();
+        let points = buffers.get("grid_point")?;
+        let share = map.of_points(&points).share(folds);
         if let Some((rows, columns)) = last {
             buffers.put("warp_rows", lines(&rows));
             buffers.put("warp_columns", lines(&columns));
         }
         buffers.put("warp_map", map.values());
-        let points = buffers.get("grid_point")?;
+        buffers.put("warp_gave_way", gave_way);
         let mut warped = Values::missing(&points.dims, 2);
         for at in (0..points.value.len()).step_by(2) {
             let place = DVec2::new(points.value[at], points.value[at + 1]);
@@ -91,6 +103,9 @@ fn mix((a, off_a): (f64, f64), (b, off_b): (f64, f64), w: f64) -> (f64, f64) {
     (a + (b - a) * w, off_a.max(off_b))
 }
 
+/// Least area of a cell's corner, as a share of what it is without warp; `LEAST` of the kernel.
+const LEAST: f64 = 0.01;
+
 /// The importance map.
 struct Map {
     size: UVec2,
@@ -143,15 +158,26 @@ impl Map {
         (value, bound + slope + 8.0 * EPSILON * (value + (most - least)))
     }
 
-    /// The importance where earlier rounds have put each cell.
-    fn resampled(&self, map: &Corners) -> Map {
-        let middle = |(y, x): (u32, u32)| {
+    /// The importance where earlier rounds have put each cell, times the size that they have left it: along rows, and down columns.
+    fn missing(&self, map: &Corners) -> [Map; 2] {
+        let cell = |(y, x): (u32, u32)| {
             let place = (DVec2::new(x.into(), y.into()) + 0.5) / self.size.as_dvec2();
             let (there, off) = map.at(place);
-            self.sample(there, off)
+            let (wanted, wanted_off) = self.sample(there, off);
+            let wanted = wanted.min(1e30);
+            let [nw, ne, sw, se] = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| map.corner(x, y));
+            let corner_off = [nw.1, ne.1, sw.1, se.1].into_iter().fold(0.0, f64::max);
+            [(ne.0 - nw.0) + (se.0 - sw.0), (sw.0 - nw.0) + (se.0 - ne.0)].map(|sides| {
+                let sides = 0.5 * sides * self.size.as_dvec2();
+                // four corners, each off along both axes, and what f32 makes of the sums
+                let off = (4.0 * corner_off + 8.0 * EPSILON) * f64::from(self.size.max_element());
+                let size = sides.length();
+                (wanted * size, wanted_off * (size + off) + wanted * (off + 8.0 * EPSILON * size))
+            })
         };
         let places = (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (y, x)));
-        Map { size: self.size, weights: places.map(middle).collect() }
+        let cells: Vec<[(f64, f64); 2]> = places.map(cell).collect();
+        [0, 1].map(|way| Map { size: self.size, weights: cells.iter().map(|cell| cell[way]).collect() })
     }
 
     fn row(&self, row: u32) -> Vec<(f64, f64)> {
@@ -200,6 +226,17 @@ impl Corners {
         (north.lerp(south, w.y), known.iter().map(|(_, off)| *off).fold(0.0, f64::max) + 8.0 * EPSILON)
     }
 
+    /// Where the points of a grid go.
+    fn of_points(&self, points: &Values) -> Corners {
+        let place = |at: usize| {
+            let place = DVec2::new(points.value[2 * at], points.value[2 * at + 1]);
+            let (there, off) = self.at(place);
+            (there, off + self.steepest() * points.bound[2 * at].max(points.bound[2 * at + 1]))
+        };
+        let size = UVec2::new(points.dims[1], points.dims[0]) - 1;
+        Corners { size, corners: (0..points.value.len() / 2).map(place).collect() }
+    }
+
     /// Largest change of a place for a change of 1 in where it came from.
     fn steepest(&self) -> f64 {
         let cells = (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (x, y)));
@@ -239,6 +276,70 @@ impl Corners {
         rows[first..=last].windows(2).map(|pair| (pair[0].places[x].0 - pair[1].places[x].0).abs()).fold(0.0, f64::max)
     }
 
+    /// The corners of folded cells in the middle of their neighbours, counted. Where it is not known whether a cell is folded, both places may
+    /// be right.
+    fn relaxed(&self, gave_way: &mut Values) -> Corners {
+        let corner = |(y, x): (u32, u32)| {
+            let at = (y * (self.size.x + 1) + x) as usize;
+            let (place, off) = self.corners[at];
+            let cells = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(left, up)| (x.wrapping_sub(left), y.wrapping_sub(up)));
+            let is_cell = |(x, y): &(u32, u32)| *x < self.size.x && *y < self.size.y;
+            let areas = cells.into_iter().filter(is_cell).map(|(x, y)| self.least_area(x, y));
+            let (low, high) = areas.fold((1.0f64, 1.0f64), |least, area| (least.0.min(area.0), least.1.min(area.1)));
+            let inside = (x > 0 && x < self.size.x, y > 0 && y < self.size.y);
+            if low >= LEAST || inside == (false, false) {
+                return (place, off);
+            }
+            let along = || [self.corner(x - 1, y), self.corner(x + 1, y)];
+            let down = || [self.corner(x, y - 1), self.corner(x, y + 1)];
+            let neighbours = match inside {
+                (true, true) => [along(), down()].concat(),
+                (true, false) => along().to_vec(),
+                _ => down().to_vec(),
+            };
+            let middle = neighbours.iter().map(|(place, _)| *place).sum::<DVec2>() / neighbours.len() as f64;
+            let middle_off = neighbours.iter().map(|(_, off)| *off).fold(0.0, f64::max) + 4.0 * EPSILON;
+            if high < LEAST {
+                gave_way.value[at] += 1.0;
+                return (middle, middle_off);
+            }
+            gave_way.bound[at] += 1.0;
+            (place, off.max((middle - place).abs().max_element() + middle_off))
+        };
+        let places = (0..=self.size.y).flat_map(|y| (0..=self.size.x).map(move |x| (y, x)));
+        Corners { size: self.size, corners: places.map(corner).collect() }
+    }
+
+    /// Of the four corners of a cell, the least area as a share of what it is without warp: what it may be, from and to.
+    fn least_area(&self, x: u32, y: u32) -> (f64, f64) {
+        let [nw, ne, sw, se] = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| self.corner(x, y));
+        let cells = self.size.as_dvec2();
+        let off = [nw.1, ne.1, sw.1, se.1].into_iter().fold(0.0, f64::max);
+        let off = (2.0 * off + 2.0 * EPSILON) * f64::from(self.size.max_element());
+        let (mut low, mut high) = (f64::INFINITY, f64::INFINITY);
+        for along in [(ne.0 - nw.0) * cells, (se.0 - sw.0) * cells] {
+            for down in [(sw.0 - nw.0) * cells, (se.0 - ne.0) * cells] {
+                let area = along.perp_dot(down);
+                let reach = along.length() + down.length();
+                let slack = 2.0 * off * (reach + off) + 8.0 * EPSILON * along.length() * down.length();
+                (low, high) = (low.min(area - slack), high.min(area + slack));
+            }
+        }
+        (low, high)
+    }
+
+    /// How much of the warp these points of a grid go, with a bound: all of it if no round has folded anything and no cell folds.
+    fn share(&self, (folds, may_fold): (bool, bool)) -> (f64, f64) {
+        let areas =
+            (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (x, y))).map(|(x, y)| self.least_area(x, y));
+        let (low, high) = areas.fold((1.0f64, 1.0f64), |least, area| (least.0.min(area.0), least.1.min(area.1)));
+        if !(folds || may_fold) || low >= LEAST {
+            return (1.0, 1e-6);
+        }
+        let (share, bound) = self.convex_share();
+        if folds && high < LEAST { (share, bound) } else { (share, bound + (1.0 - share)) }
+    }
+
     /// How much of the warp keeps every corner of every cell turning the same way, with a bound.
     fn convex_share(&self) -> (f64, f64) {
         let moved = |x: u32, y: u32| {
@@ -255,9 +356,9 @@ impl Corners {
                     let longest = 1.0 + along.length().max(down.length());
                     let slack = 8.0 * (off + 16.0 * EPSILON * f64::from(self.size.max_element())) * longest;
                     let until = |least: f64| convex_until(along, down, least);
-                    share = share.min(until(0.01));
-                    low = low.min(until(0.01 + slack));
-                    high = high.min(until(0.01 - slack));
+                    share = share.min(until(LEAST));
+                    low = low.min(until(LEAST + slack));
+                    high = high.min(until(LEAST - slack));
                 }
             }
         }
