@@ -191,7 +191,7 @@ fn a_tree_goes_through_cuts_and_resets() {
     }
     // what was kept is used: a frame begins with the nodes that the one before has left, and after a reset with none
     let nodes = |tree: &Executor, name: &str| -> u32 {
-        bytemuck::pod_collect_to_vec(&tree.read(kept.plan.find(name).unwrap()).unwrap())[0]
+        bytemuck::pod_collect_to_vec(&tree.read(kept.plan.find(name).unwrap()).unwrap())[3]
     };
     tree.frame(3).unwrap();
     let left = nodes(&tree, "tree_count");

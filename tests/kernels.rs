@@ -20,6 +20,22 @@ fn every_kernel_validates() {
     }
 }
 
+/// The limit that every adapter of WebGPU has: a kernel with more storage buffers does not run on some of them.
+#[test]
+fn every_kernel_binds_what_any_adapter_can() {
+    const MOST_STORAGE_BUFFERS: usize = 8;
+    let forms = [None, Some(GroundForm::Array), Some(GroundForm::Image)];
+    let mut beyond = Vec::new();
+    for (path, form) in Kernel::built_in_paths().iter().flat_map(|path| forms.map(|form| (path, form))) {
+        for entry in &Kernel::built_in(path, form).unwrap().entries {
+            if entry.storage_buffers() > MOST_STORAGE_BUFFERS {
+                beyond.push(format!("{path} {form:?}: {} binds {}", entry.name, entry.storage_buffers()));
+            }
+        }
+    }
+    assert!(beyond.is_empty(), "{beyond:#?}");
+}
+
 #[test]
 fn kernels_of_the_experiments_validate() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("experiments/kernels");

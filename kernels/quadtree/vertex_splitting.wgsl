@@ -21,6 +21,8 @@ struct Params {
     live_capacity: u32,
     leaf_capacity: u32,
     tree_capacity: u32,
+    /// Vectors of four words that the bits of all blocks take.
+    split_vectors: u32,
     threshold_px: f32,
 }
 
@@ -46,20 +48,17 @@ struct Params {
 @group(0) @binding(15) var<storage, read_write> clear: array<vec4<u32>>;
 /// For the leaves, the vertices and the tree: the most elements that were wanted.
 @group(0) @binding(16) var<storage, read_write> needed: array<u32>;
-/// All nodes of the tree, in the frame before and in this one, and how many there are.
+/// All nodes of the tree, in the frame before and in this one. Behind `tree_capacity` of them, two elements for each: how long what
+/// became of it holds, see `known_at`. (One array for both: some adapters bind eight.)
 @group(0) @binding(17) var<storage, read> tree_last: array<vec2<u32>>;
+@group(0) @binding(22) var<storage, read_write> tree_last_out: array<vec2<u32>>;
 @group(0) @binding(29) var<storage, read_write> tree: array<vec2<u32>>;
+/// Workgroups along x, y, z to visit the tree, and how many nodes it has.
 @group(0) @binding(18) var<storage, read> tree_count_last: array<u32>;
 @group(0) @binding(30) var<storage, read_write> tree_count: array<u32>;
-/// Workgroups to visit the tree of the frame before.
-@group(0) @binding(19) var<storage, read_write> tree_work: array<u32>;
 /// A bit for each region of the terrain: in it, a block is split no more.
 @group(0) @binding(20) var<storage, read_write> closing: array<atomic<u32>>;
 @group(0) @binding(21) var<storage, read> closed: array<u32>;
-/// For each node of both trees, how long what became of it holds: how far the nearest of it was, how much motion it allows, and
-/// where the camera was (travelled, turned) when that was found.
-@group(0) @binding(22) var<storage, read_write> rest_last: array<vec4<f32>>;
-@group(0) @binding(31) var<storage, read_write> rest: array<vec4<f32>>;
 /// Workgroups to clear the bits of all blocks.
 @group(0) @binding(23) var<storage, read_write> clear_work: array<u32>;
 /// Nodes of the frame before to look at again, and nodes that may be gone; with workgroups along x, y, z, and how many.
@@ -154,25 +153,31 @@ fn begin() {
 
 /// Nodes of the frame before; none after a cut, when nobody knows how far the camera has come since they were looked at.
 fn nodes_before() -> u32 {
-    return select(tree_count_last[0], 0u, params.motion.is_cut != 0u);
+    return select(tree_count_last[3], 0u, params.motion.is_cut != 0u);
+}
+
+/// Where what is known of a node stands in the tree: how far the nearest of it was, how much motion that allows, and where the
+/// camera was (travelled, turned) when that was found.
+fn known_at(node: u32) -> u32 {
+    return params.tree_capacity + 2u * node;
+}
+
+fn known_before(node: u32) -> vec4<f32> {
+    let at = known_at(node);
+    return bitcast<vec4<f32>>(vec4(tree_last[at], tree_last[at + 1u]));
 }
 
 /// Starts with the tree of the frame before, or with the root where there is none.
 @compute @workgroup_size(1)
 fn begin_again() {
     let count = nodes_before();
-    tree_count[0] = 0u;
     live_out[0] = node_of(GROUND_CELLS_TOP, vec2(0u));
     put_work(work_for(select(0u, 1u, count == 0u), 1u));
-    let visits = work_for(count, 1u);
+    // the bits of the frame before are this frame's, but for what changes
+    let cleared = work_for(select(0u, params.split_vectors, count == 0u), 1u);
     for (var i = 0u; i < 4u; i++) {
         leaf_count[i] = 0u;
         needed[i] = 0u;
-        tree_work[i] = visits[i];
-    }
-    // the bits of the frame before are this frame's, but for what changes
-    let cleared = work_for(select(0u, arrayLength(&clear), count == 0u), 1u);
-    for (var i = 0u; i < 4u; i++) {
         clear_work[i] = cleared[i];
         let none = select(0u, 1u, i == 1u || i == 2u);
         atomicStore(&stale_work[i], none);
@@ -226,18 +231,22 @@ var<workgroup> chunk_wants: array<vec4<u32>, 64>;
 /// From what each workgroup appends to where; and the work of the next round.
 @compute @workgroup_size(64)
 fn offsets(@builtin(local_invocation_index) lane: u32) {
-    advance(lane, live_count[3], 0u);
+    var tree_before = 0u;
+    if KEEP {
+        tree_before = tree_count[3];
+    }
+    advance(lane, live_count[3], vec4(leaf_count[3], 0u, tree_before, 0u));
 }
 
 @compute @workgroup_size(64)
 fn offsets_of_tree(@builtin(local_invocation_index) lane: u32) {
     // without a tree there is the root
     let count = nodes_before();
-    advance(lane, count, select(0u, 1u, count == 0u));
+    advance(lane, count, vec4(0u, select(0u, 1u, count == 0u), 0u, 0u));
 }
 
-/// `live_before` vertices are in the next round's list already.
-fn advance(lane: u32, visited: u32, live_before: u32) {
+/// `start` is how many leaves, vertices of the next round and nodes of the tree there are already.
+fn advance(lane: u32, visited: u32, start: vec4<u32>) {
     let groups = (visited + GROUP - 1u) / GROUP;
     let chunk = (groups + GROUP - 1u) / GROUP;
     let first = lane * chunk;
@@ -254,11 +263,6 @@ fn advance(lane: u32, visited: u32, live_before: u32) {
         total += chunk_wants[i];
         before += select(vec4(0u), chunk_wants[i], i < lane);
     }
-    var tree_before = 0u;
-    if KEEP {
-        tree_before = tree_count[0];
-    }
-    let start = vec4(leaf_count[3], live_before, tree_before, 0u);
     var at = start + before;
     for (var i = first; i < end; i++) {
         place_out[i] = at;
@@ -282,7 +286,10 @@ fn advance(lane: u32, visited: u32, live_before: u32) {
         }
         if KEEP {
             // a tree that did not fit is none
-            tree_count[0] = select(0u, after.z, needed[3] == 0u);
+            let visits = work_for(select(0u, after.z, needed[3] == 0u), 1u);
+            for (var i = 0u; i < 4u; i++) {
+                tree_count[i] = visits[i];
+            }
         }
     }
 }
@@ -337,7 +344,8 @@ fn append_node(thread: u32, node: vec2<u32>, level: u32, known: vec4<f32>) {
         if start.z < params.tree_capacity {
             let carried = select(0u, FLAG, is_split) | select(0u, OUT_OF_SIGHT, fate == CULLED);
             tree[start.z] = vec2(node.x, level << 1u | carried);
-            rest[start.z] = known;
+            tree[known_at(start.z)] = bitcast<vec2<u32>>(known.xy);
+            tree[known_at(start.z) + 1u] = bitcast<vec2<u32>>(known.zw);
         }
     }
 }
@@ -421,7 +429,7 @@ fn recall(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) grou
     let node = tree_last[thread];
     let was_split = (node.y & FLAG) != 0u;
     put_fate(thread, node, select(select(LEAF, SPLIT, was_split), CULLED, (node.y & OUT_OF_SIGHT) != 0u));
-    if !is_settled(rest_last[thread]) {
+    if !is_settled(known_before(thread)) {
         put_in_stale(thread);
     }
 }
@@ -435,14 +443,28 @@ fn look(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups
         return;
     }
     let thread = stale[number];
-    let node = tree_last[thread];
+    let node = tree_last_out[thread];
     let level = level_carried(node);
-    let at = place_of(node, level);
-    let outlook = outlook_on(level, at);
-    rest_last[thread] =
-        vec4(outlook.distance_m, outlook.motion, params.motion.travelled_m, params.motion.turned);
+    let outlook = outlook_on(level, place_of(node, level));
+    tree_last_out[known_at(thread)] = bitcast<vec2<u32>>(vec2(outlook.distance_m, outlook.motion));
+    tree_last_out[known_at(thread) + 1u] = bitcast<vec2<u32>>(vec2(params.motion.travelled_m, params.motion.turned));
     put_fate(thread, node, outlook.fate);
-    if (node.y & FLAG) != 0u && outlook.fate != SPLIT {
+}
+
+/// Notes which of them are split no more. (A step of its own: `look` binds the ground as well, and some adapters bind eight buffers.)
+@compute @workgroup_size(64)
+fn close_split(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
+               @builtin(local_invocation_index) lane: u32) {
+    let number = thread_number(group, groups, lane);
+    if number >= work[3] {
+        return;
+    }
+    let thread = stale[number];
+    let node = tree_last[thread];
+    // what is split in both frames stays
+    if (node.y & FLAG) != 0u && choice[thread] >> FATE_BIT != STAYS {
+        let level = level_carried(node);
+        let at = place_of(node, level);
         unmark(level, at);
         close(level, at);
     }
@@ -505,6 +527,6 @@ fn append_tree(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups)
     let thread = thread_number(group, groups, lane);
     if thread < nodes_before() {
         let node = tree_last[thread];
-        append_node(thread, node, level_carried(node), rest_last[thread]);
+        append_node(thread, node, level_carried(node), known_before(thread));
     }
 }

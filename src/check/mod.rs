@@ -5,7 +5,6 @@
 //! (*accumulated*: how much has the chain lost by then?).
 
 pub mod cases;
-mod known;
 
 use std::fmt;
 use std::path::Path;
@@ -14,7 +13,7 @@ use std::sync::Arc;
 use cases::Case;
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::Gpu;
 use crate::reference::{self, Buffers, Difference, Frame, Values};
 use crate::run::Tapped;
 use crate::run::walk::{read, without_gaps};
@@ -38,8 +37,6 @@ pub enum Verdict {
     Compared,
     /// Nothing could be compared, and why.
     Failed(String),
-    /// The chain is known not to run on this adapter, and why.
-    DoesNotFit(&'static str),
 }
 
 /// Share of values that may hang on a decision, in a comparison with what the GPU fed its kernel; with more, the case would say nothing.
@@ -54,7 +51,6 @@ impl Outcome {
     pub fn passed(&self) -> bool {
         match &self.verdict {
             Verdict::Failed(_) => false,
-            Verdict::DoesNotFit(_) => true,
             Verdict::Compared => {
                 let is_decided = self.local.undecided_share() <= MOST_UNDECIDED;
                 self.local.beyond == 0 && self.accumulated.beyond == 0 && is_decided
@@ -67,7 +63,6 @@ impl fmt::Display for Outcome {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         match &self.verdict {
             Verdict::Failed(why) => write!(f, "FAIL {:<34} {} {}: {why}", self.case, self.stage, self.buffer),
-            Verdict::DoesNotFit(why) => write!(f, "skip {:<34} {}: {why}", self.case, self.stage),
             Verdict::Compared => write!(
                 f,
                 "{} {:<34} {:<17} {:<14} {:>7} values, {:>5} undecided, {:>5} gaps; local {:.2e} ({:.2} of bound, {} beyond), accumulated {:.2e} ({} beyond, {:.0} % undecided)",
@@ -96,20 +91,10 @@ pub fn run_case(gpu: &Arc<Gpu>, case: &Case) -> Result<Vec<Outcome>, Diagnostic>
     let mut outcomes = Vec::new();
     for (number, example) in case.examples.iter().enumerate() {
         let tapped = set_up(case, example, folder.path())?;
-        let known = known::find(&gpu.summary.name, example.chain);
         let name = format!("{}, chain {}", case.name, number + 1);
-        match (gpu.check_plan(&tapped.setup.plan), known) {
-            (Err(GpuError::Limit { .. }), Some(known)) => {
-                outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::DoesNotFit(known.reason)));
-            }
-            (Err(error), _) => {
-                outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::Failed(error.to_string())));
-            }
-            (Ok(()), Some(known)) => {
-                let why = format!("it fits, though it is listed: {}", known.reason);
-                outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::Failed(why)));
-            }
-            (Ok(()), None) => outcomes.extend(check_chain(gpu, &tapped, &name)?),
+        match gpu.check_plan(&tapped.setup.plan) {
+            Ok(()) => outcomes.extend(check_chain(gpu, &tapped, &name)?),
+            Err(error) => outcomes.push(Outcome::of_chain(&name, example.chain, Verdict::Failed(error.to_string()))),
         }
     }
     Ok(outcomes)

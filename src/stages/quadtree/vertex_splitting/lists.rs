@@ -31,9 +31,7 @@ pub(super) struct Lists {
 pub(super) struct Tree {
     pub nodes: History,
     pub count: History,
-    pub work: BufferId,
     pub closed: BufferId,
-    pub rest: History,
     pub clear_work: BufferId,
     pub stale: BufferId,
     pub stale_work: BufferId,
@@ -129,14 +127,11 @@ fn roughness(chain: &Chain, layout: Layout, has_history: bool) -> Result<BufferI
 impl Tree {
     fn make(chain: &mut Chain, layout: Layout, nodes: u32) -> Self {
         let regions = layout.size(region_level(layout)).element_product().div_ceil(32).next_multiple_of(4);
-        let rest = "how long what became of each node holds";
-        let tree = chain.make_history("tree", Elem::Vec2U32, &[nodes], "", "all nodes of the quadtree");
-        [tree.last, tree.next].into_iter().for_each(|id| chain.set_parts(id, NODE));
+        let all = "all nodes of the quadtree; behind them two elements for each, how long what became of it holds";
+        let work = "workgroups along x, y, z; how many nodes";
         Self {
-            nodes: tree,
-            count: chain.make_history("tree_count", Elem::U32, &[1], "", "how many nodes"),
-            work: chain.make("tree_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many nodes"),
-            rest: chain.make_history("tree_rest", Elem::Vec4F32, &[nodes], "", rest),
+            nodes: chain.make_history("tree", Elem::Vec2U32, &[nodes.saturating_mul(3)], "", all),
+            count: chain.make_history("tree_count", Elem::U32, &[4], "", work),
             stale: chain.make("stale", Elem::U32, &[nodes], "", "nodes to look at again, in any order"),
             stale_work: chain.make("stale_work", Elem::U32, &[4], "", "workgroups along x, y, z; how many"),
             suspects: chain.make("suspects", Elem::U32, &[nodes], "", "nodes that may be gone, in any order"),

@@ -93,6 +93,7 @@ impl VertexSplitting {
     ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
         let kernel = chain.kernel("quadtree/vertex_splitting.wgsl")?;
         let [leaves, live, nodes] = lists.capacities;
+        let split_vectors = vectors(chain, lists.split);
         Ok(chain
             .step(label, &kernel, entry)
             .constant("PROVEN", f64::from(lists.proven))
@@ -105,6 +106,7 @@ impl VertexSplitting {
             .set("live_capacity", live)
             .set("leaf_capacity", leaves)
             .set("tree_capacity", nodes)
+            .set("split_vectors", split_vectors)
             .set("threshold_px", self.threshold_px as f32))
     }
 
@@ -168,64 +170,72 @@ impl VertexSplitting {
             .bind("live_out", next)
             .bind("split", lists.split);
         Ok(match &lists.tree {
-            Some(tree) => step.bind("tree", tree.nodes.next).bind("rest", tree.rest.next),
-            None => step.leave_unbound("tree").leave_unbound("rest"),
+            Some(tree) => step.bind("tree", tree.nodes.next),
+            None => step.leave_unbound("tree"),
         })
-    }
-
-    fn on_tree<'c, 'a>(
-        &self,
-        chain: &'c mut Chain<'a>,
-        lists: &Lists,
-        tree: &Tree,
-        entry: &str,
-    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
-        Ok(self.step(chain, lists, entry, entry, 0)?.bind("tree_last", tree.nodes.last))
     }
 
     /// Goes over the tree of the frame before; what it splits anew is the first round's.
     fn settle(&self, chain: &mut Chain, lists: &Lists, tree: &Tree, first_count: BufferId) -> Result<(), Diagnostic> {
-        self.on_tree(chain, lists, tree, "recall")?
+        self.step(chain, lists, "recall", "recall", 0)?
+            .bind("tree_last", tree.nodes.last)
             .bind("tree_count_last", tree.count.last)
             .bind("choice_out", lists.choice)
-            .bind("rest_last", tree.rest.last)
             .bind("stale", tree.stale)
             .bind("stale_work", tree.stale_work)
-            .over_indirect(tree.work)?;
-        self.on_tree(chain, lists, tree, "look")?
+            .over_indirect(tree.count.last)?;
+        self.step(chain, lists, "look", "look", 0)?
+            .bind("tree_last_out", tree.nodes.last)
             .bind("roughness", lists.roughness)
             .bind("choice_out", lists.choice)
-            .bind("rest_last", tree.rest.last)
+            .bind("stale", tree.stale)
+            .bind("work", tree.stale_work)
+            .over_indirect(tree.stale_work)?;
+        self.step(chain, lists, "close", "close_split", 0)?
+            .bind("tree_last", tree.nodes.last)
+            .bind("choice", lists.choice)
             .bind("split", lists.split)
             .bind("closing", tree.closed)
             .bind("stale", tree.stale)
             .bind("work", tree.stale_work)
             .over_indirect(tree.stale_work)?;
-        self.on_tree(chain, lists, tree, "suspect")?
+        self.step(chain, lists, "suspect", "suspect", 0)?
+            .bind("tree_last", tree.nodes.last)
             .bind("tree_count_last", tree.count.last)
             .bind("closed", tree.closed)
             .bind("suspects", tree.suspects)
             .bind("suspect_work", tree.suspect_work)
-            .over_indirect(tree.work)?;
-        self.on_tree(chain, lists, tree, "prune")?
+            .over_indirect(tree.count.last)?;
+        self.step(chain, lists, "prune", "prune", 0)?
+            .bind("tree_last", tree.nodes.last)
             .bind("choice_out", lists.choice)
             .bind("split", lists.split)
             .bind("suspects", tree.suspects)
             .bind("work", tree.suspect_work)
             .over_indirect(tree.suspect_work)?;
+        self.append_tree(chain, lists, tree, first_count)
+    }
+
+    /// Appends what has become of the tree of the frame before.
+    fn append_tree(
+        &self,
+        chain: &mut Chain,
+        lists: &Lists,
+        tree: &Tree,
+        first_count: BufferId,
+    ) -> Result<(), Diagnostic> {
         self.step(chain, lists, "sums_of_tree", "sums_of_tree", 0)?
             .bind("tree_count_last", tree.count.last)
             .bind("choice_out", lists.choice)
             .bind("wanted_out", lists.wanted)
-            .over_indirect(tree.work)?;
+            .over_indirect(tree.count.last)?;
         self.offsets(chain, lists, "offsets of tree", "offsets_of_tree", first_count)?
             .bind("tree_count_last", tree.count.last)
             .over(UVec2::ONE)?;
         self.append(chain, lists, "append tree", "append_tree", lists.live[0])?
             .bind("tree_last", tree.nodes.last)
             .bind("tree_count_last", tree.count.last)
-            .bind("rest_last", tree.rest.last)
-            .over_indirect(tree.work)
+            .over_indirect(tree.count.last)
     }
 
     fn clear<'c, 'a>(
@@ -238,7 +248,6 @@ impl VertexSplitting {
     }
 
     fn begin(&self, chain: &mut Chain, lists: &Lists, count: BufferId) -> Result<(), Diagnostic> {
-        let vectors = |chain: &Chain, bits: BufferId| chain.buffer(bits).dims[0] / 4;
         let entry = if lists.tree.is_some() { "begin_again" } else { "begin" };
         let step = self.step(chain, lists, "begin", entry, 0)?;
         let step = step
@@ -252,18 +261,20 @@ impl VertexSplitting {
             return over_runs(self.clear(chain, lists, lists.split)?, all);
         };
         step.bind("tree_count_last", tree.count.last)
-            .bind("tree_count", tree.count.next)
-            .bind("tree_work", tree.work)
             .bind("clear_work", tree.clear_work)
             .bind("stale_work", tree.stale_work)
             .bind("suspect_work", tree.suspect_work)
-            .bind("clear", lists.split)
             .over(UVec2::ONE)?;
         let regions = vectors(chain, tree.closed);
         over_runs(self.clear(chain, lists, tree.closed)?, regions)?;
         self.clear(chain, lists, lists.split)?.over_indirect(tree.clear_work)?;
         self.settle(chain, lists, tree, count)
     }
+}
+
+/// Vectors of four words in a buffer of bits.
+fn vectors(chain: &Chain, bits: BufferId) -> u32 {
+    chain.buffer(bits).dims[0] / 4
 }
 
 impl Stage for VertexSplitting {
