@@ -22,8 +22,9 @@ use lodlab::experiment::parameters::{Parameter, describe};
 use lodlab::experiment::sweep::{self, Setting};
 use lodlab::gpu::{Gpu, Waiting, device};
 use lodlab::plan::explain;
+use lodlab::report::records::Misfit;
 use lodlab::report::table;
-use lodlab::run::{self, Event, Options};
+use lodlab::run::{self, Event, Options, Outcome};
 use lodlab::{measure, stages};
 
 /// Prints a line to standard output.
@@ -311,6 +312,7 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, patience: Duration, option
     }
     let gpu = Gpu::open(options.adapter.as_deref())?;
     gpu.watch(patience, |waiting| say_waiting(&waiting))?;
+    let mut misfits: Vec<Misfit> = Vec::new();
     for (file, experiment) in files.iter().zip(&experiments) {
         let stem = file.file_stem().unwrap_or_default();
         let folder = match &out {
@@ -326,22 +328,47 @@ fn run_files(files: &[PathBuf], out: Option<PathBuf>, patience: Duration, option
         let outcome = run::run(&experiment.title, prepared, &gpu, &folder, options, &tell);
         bar.finish_and_clear();
         let outcome = outcome?;
+        show_outcome(&outcome, options);
+        misfits.extend(outcome.misfits);
+    }
+    did_all_fit(&misfits)
+}
+
+/// The table that a run ends with, what it came to, and where its files are.
+fn show_outcome(outcome: &Outcome, options: &Options) {
+    if !outcome.records.is_empty() {
         say!("{}", table::table(&outcome.records));
-        let same = outcome.records.len().saturating_sub(outcome.ran + outcome.finished);
-        let same = if same > 0 { format!(", {same} the same as another one") } else { String::new() };
-        say!("{} cells run, {} finished before{same}", outcome.ran, outcome.finished);
-        for (what, name) in [("report:  ", "report.html"), ("plot:    ", "pareto.svg"), ("pictures:", "pictures")] {
-            let path = outcome.folder.join(name);
-            if path.exists() {
-                say!("{what} {}", path.display());
-            }
-        }
-        for record in outcome.records.iter().filter(|_| !options.dump.is_empty()) {
-            let path = outcome.folder.join("dumps").join(&record.hash);
-            say!("dump:     {} ({})", path.display(), record.label());
+    }
+    let same = outcome.records.len().saturating_sub(outcome.ran + outcome.finished);
+    let same = if same > 0 { format!(", {same} the same as another one") } else { String::new() };
+    let unfit = match outcome.misfits.len() {
+        0 => String::new(),
+        1 => ", 1 does not fit".to_string(),
+        several => format!(", {several} do not fit"),
+    };
+    say!("{} cells run, {} finished before{same}{unfit}", outcome.ran, outcome.finished);
+    for (what, name) in [("report:  ", "report.html"), ("plot:    ", "pareto.svg"), ("pictures:", "pictures")] {
+        let path = outcome.folder.join(name);
+        if path.exists() {
+            say!("{what} {}", path.display());
         }
     }
-    Ok(())
+    for record in outcome.records.iter().filter(|_| !options.dump.is_empty()) {
+        let path = outcome.folder.join("dumps").join(&record.hash);
+        say!("dump:     {} ({})", path.display(), record.label());
+    }
+}
+
+/// Cells that did not run are a failure, told when all others are done.
+fn did_all_fit(misfits: &[Misfit]) -> Result<(), Diagnostic> {
+    let Some(first) = misfits.first() else { return Ok(()) };
+    let others = match misfits.len() - 1 {
+        0 => String::new(),
+        1 => " (and 1 more cell)".to_string(),
+        several => format!(" (and {several} more cells)"),
+    };
+    let failed = Diagnostic::run(format!("{} does not fit: {}{others}", first.label(), first.why));
+    Err(Diagnostic { help: first.help.clone(), ..failed })
 }
 
 /// A bar with the time left on a terminal; elsewhere nothing, and plain lines instead.
@@ -373,6 +400,10 @@ fn show(bar: &ProgressBar, told: &mut Vec<String>, event: Event) {
             bar.inc(1);
             let time = frame_ms.map_or("not timed".into(), |ms| format!("{ms:.2} ms a frame"));
             line(format!("  done {label}: {time}"));
+        }
+        Event::CellDoesNotFit { label, why } => {
+            bar.inc(1);
+            line(format!("skip {label} (it does not fit: {why})"));
         }
         Event::CellIsTheSame { label } => {
             bar.inc(1);

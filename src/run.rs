@@ -12,15 +12,15 @@ mod truth;
 pub mod walk;
 
 use std::cell::RefCell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::sweep::Setting;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, GpuError};
 use crate::plan::{Capacities, Plan};
-use crate::report::records::{Identity, Record, Store};
+use crate::report::records::{Identity, Misfit, Record, Store};
 
 pub use overflow::Overflow;
 
@@ -66,6 +66,11 @@ pub enum Event {
         label: String,
         frame_ms: Option<f64>,
     },
+    /// The cell is more than the adapter can do.
+    CellDoesNotFit {
+        label: String,
+        why: String,
+    },
     /// The cell computes what another one of this run has computed.
     CellIsTheSame {
         label: String,
@@ -81,6 +86,8 @@ pub struct Outcome {
     pub ran: usize,
     /// Cells that were finished before.
     pub finished: usize,
+    /// Cells that did not run, because they are more than the adapter can do.
+    pub misfits: Vec<Misfit>,
 }
 
 /// Runs the cells of an experiment into a folder. What was computed stays, also if a later cell fails. (Whoever has prepared the cells to
@@ -107,34 +114,54 @@ pub fn carry_out(
     tell: &dyn Fn(Event),
 ) -> Result<Outcome, Diagnostic> {
     // every cell is planned before the first one runs, so that a mistake shows at once; the plans are made again when they are needed
-    let identities = checked(&jobs, gpu, options)?;
+    let Checked { identities, misfits } = checked(&jobs, gpu, options)?;
     let store = Store::open(folder)?;
     for (path, why) in &store.refused {
         tell(Event::Warning(format!("`{}` {why}, so its cell counts as not run", path.display())));
     }
     let is_finished = |identity: &Identity| store.finished(&identity.hash()).is_some();
     let runs_anyway = options.force || !options.dump.is_empty() || !options.pictures.is_empty();
-    let must_run: Vec<bool> = identities.iter().map(|identity| runs_anyway || !is_finished(identity)).collect();
+    let mut must_run: Vec<bool> = identities.iter().map(|identity| runs_anyway || !is_finished(identity)).collect();
     let finished = must_run.iter().filter(|must| !**must).count();
     tell(Event::Started { cells: jobs.len(), finished });
-    let sweep = Sweep { title, gpu, store: &store, options, tell, identities: &identities, ran: RefCell::default() };
+    let (ran, unfit) = Default::default();
+    let sweep = Sweep { title, gpu, store: &store, options, tell, identities: &identities, ran, unfit };
+    for (at, why) in misfits {
+        if std::mem::take(&mut must_run[at]) {
+            sweep.leave_out(&jobs[at], at, &why);
+        }
+    }
     let result = sweep.run(&jobs, &must_run);
     // reports are made of what there is, also after a failure
     let records = sweep.records(&jobs);
-    reports::write(title, &store, &records)?;
+    let Sweep { ran, unfit, .. } = sweep;
+    let (ran, unfit) = (ran.into_inner().len(), unfit.into_inner());
+    // without any result of this run, those of an earlier one stay
+    if !records.is_empty() || unfit.is_empty() {
+        reports::write(title, &store, &records)?;
+    }
+    let misfits: Vec<Misfit> = unfit.values().cloned().collect();
+    reports::write_misfits(&store, &misfits)?;
     result?;
-    store.check_complete(identities.iter().map(Identity::hash))?;
-    let ran = sweep.ran.borrow().len();
-    Ok(Outcome { records, folder: folder.to_path_buf(), ran, finished })
+    let is_there = |at: &usize| !unfit.contains_key(at);
+    store.check_complete((0..jobs.len()).filter(is_there).map(|at| identities[at].hash()))?;
+    Ok(Outcome { records, folder: folder.to_path_buf(), ran, finished, misfits })
 }
 
-/// The identities of all jobs, or the first thing that is wrong with one.
-fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Vec<Identity>, Diagnostic> {
+/// What is known of the jobs before the first one runs.
+struct Checked {
+    identities: Vec<Identity>,
+    /// Those that do not fit the adapter, and why.
+    misfits: Vec<(usize, GpuError)>,
+}
+
+/// The identities of all jobs and which of them do not fit, or the first thing that is wrong with one.
+fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Checked, Diagnostic> {
     let mut hashes = job::InputHashes::default();
     let looked_at = options.dump.iter().chain(&options.pictures);
     let mut absent: Vec<(&String, Option<Diagnostic>)> = looked_at.map(|name| (name, None)).collect();
-    let (mut identities, mut does_not_fit) = (Vec::new(), None);
-    for job in jobs {
+    let (mut identities, mut misfits) = (Vec::new(), Vec::new());
+    for (at, job) in jobs.iter().enumerate() {
         let plan = job.plan()?;
         absent.retain_mut(|(name, why)| match plan.find(name) {
             Ok(_) => false,
@@ -143,7 +170,9 @@ fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Vec<Identity>, 
                 true
             }
         });
-        does_not_fit = does_not_fit.or(gpu.check_plan(&plan).err());
+        let fits =
+            gpu.check_plan(&plan).and_then(|()| job.truth.as_ref().map_or(Ok(()), |truth| gpu.check_plan(truth)));
+        misfits.extend(fits.err().map(|why| (at, why)));
         identities.push(job.identity(&plan, &mut hashes, gpu));
     }
     for name in &options.on_cpu {
@@ -154,10 +183,9 @@ fn checked(jobs: &[Job], gpu: &Gpu, options: &Options) -> Result<Vec<Identity>, 
                 .suggest(name, stages.collect::<BTreeSet<_>>()));
         }
     }
-    match (absent.into_iter().next(), does_not_fit) {
-        (Some((name, why)), _) => Err(why.unwrap_or_else(|| nothing_to_dump(name))),
-        (None, Some(error)) => Err(error.into()),
-        (None, None) => Ok(identities),
+    match absent.into_iter().next() {
+        Some((name, why)) => Err(why.unwrap_or_else(|| nothing_to_dump(name))),
+        None => Ok(Checked { identities, misfits }),
     }
 }
 
@@ -174,6 +202,8 @@ struct Sweep<'a> {
     identities: &'a [Identity],
     /// Hashes of the cells that this run has run.
     ran: RefCell<BTreeSet<String>>,
+    /// Jobs that do not fit the adapter, by their place.
+    unfit: RefCell<BTreeMap<usize, Misfit>>,
 }
 
 impl Sweep<'_> {
@@ -212,15 +242,36 @@ impl Sweep<'_> {
             None => self.store.reason(&cell.chain, &cell.settings, identity),
         };
         (self.tell)(Event::CellStarted { label: label.clone(), reason });
-        let record = self.measured(job, identity, truth)?;
+        let record = match self.measured(job, identity, truth)? {
+            Ok(record) => record,
+            Err(why) => {
+                self.leave_out(job, at, &why);
+                return Ok(());
+            }
+        };
         self.store.save(&record)?;
         self.ran.borrow_mut().insert(hash);
         (self.tell)(Event::CellDone { label, frame_ms: record.frame_ms() });
         Ok(())
     }
 
-    /// Runs a cell until its lists are long enough.
-    fn measured(&self, job: &Job, identity: &Identity, mut truth: Option<&mut Truth>) -> Result<Record, Diagnostic> {
+    /// Notes a cell that the adapter cannot carry out; the others run.
+    fn leave_out(&self, job: &Job, at: usize, why: &GpuError) {
+        let cell = &job.prepared.cell;
+        let why = Diagnostic::from(why.clone());
+        let misfit =
+            Misfit { chain: cell.chain.clone(), settings: cell.settings.clone(), why: why.message, help: why.help };
+        (self.tell)(Event::CellDoesNotFit { label: cell.label(), why: misfit.why.clone() });
+        self.unfit.borrow_mut().insert(at, misfit);
+    }
+
+    /// Runs a cell until its lists are long enough, or too long for the adapter.
+    fn measured(
+        &self,
+        job: &Job,
+        identity: &Identity,
+        mut truth: Option<&mut Truth>,
+    ) -> Result<Result<Record, GpuError>, Diagnostic> {
         let hash = identity.hash();
         let mut capacities = Capacities::new();
         let mut longer: Option<Job> = None;
@@ -230,7 +281,7 @@ impl Sweep<'_> {
             let plan = &job.plan()?;
             let context = cell::Context { gpu, job, plan, store, hash: &hash, options, tell };
             match cell::run(&context, truth.as_deref_mut())? {
-                cell::Ended::Done(results) => return Ok(self.record(job, plan, identity, *results)),
+                cell::Ended::Done(results) => return Ok(Ok(self.record(job, plan, identity, *results))),
                 cell::Ended::Overflowed(Overflow { list, capacity, needed }) => {
                     let larger = needed.saturating_add(needed / 4);
                     tell(Event::Warning(format!(
@@ -238,7 +289,9 @@ impl Sweep<'_> {
                     )));
                     capacities.insert(list, larger);
                     let plan = job.prepared.plan(options, &capacities)?;
-                    gpu.check_plan(&plan)?;
+                    if let Err(why) = gpu.check_plan(&plan) {
+                        return Ok(Err(why));
+                    }
                     longer = Some(job.with_plan(plan));
                 }
             }

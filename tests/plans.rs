@@ -8,6 +8,7 @@ use lodlab::experiment::Experiment;
 use lodlab::experiment::diagnostic::{Diagnostic, Source};
 use lodlab::experiment::sweep::read_setting;
 use lodlab::experiment::tree::Node;
+use lodlab::gpu::limits;
 use lodlab::plan::Plan;
 use lodlab::run::{Keep, Setup};
 use lodlab::scene::COLOUR_MAP;
@@ -202,4 +203,50 @@ fn a_long_path_takes_no_more_memory_than_a_shorter_one() {
     };
     assert!(bytes(2) < bytes(1000));
     assert_eq!(bytes(1000), bytes(100_000));
+}
+
+/// Whatever an adapter has too little of is named before anything runs on it.
+#[test]
+fn every_limit_is_compared_with_the_plan() {
+    let scene = "terrain: Shape(kind: Sine, size: (65, 65)), camera: Still(eye: (40, -30, 90), look_at: (40, 40, 0)), viewport: (64, 48)";
+    let chain = "[HeightPyramid, Roughness, VertexSplitting(start: LastFrame), TriangleSplitting, Rasterize, Shade]";
+    let setup = |held: &str| {
+        let scene = format!("{scene}, held_as: {held}");
+        Setup::chain(&scene, chain, "".as_ref(), Keep::Everything).unwrap().plan
+    };
+    let (array, image) = (setup("Array"), setup("Image"));
+    let most = wgpu::Limits {
+        min_uniform_buffer_offset_alignment: 256,
+        max_inter_stage_shader_variables: 16,
+        max_storage_buffers_per_shader_stage: 8,
+        ..wgpu::Limits::default()
+    };
+    for plan in [&array, &image] {
+        limits::check(plan, &most, "small").unwrap();
+    }
+    type Lower = fn(&mut wgpu::Limits);
+    let cases: [(&str, Lower); 16] = [
+        ("buffer", |limits| limits.max_storage_buffer_binding_size = 1000),
+        ("buffer", |limits| limits.max_buffer_size = 1000),
+        ("a side of the image", |limits| limits.max_texture_dimension_2d = 47),
+        ("in bytes of parameters", |limits| limits.max_uniform_buffer_binding_size = 16),
+        ("in storage buffers", |limits| limits.max_storage_buffers_per_shader_stage = 7),
+        ("in uniform buffers", |limits| limits.max_uniform_buffers_per_shader_stage = 0),
+        ("in images", |limits| limits.max_sampled_textures_per_shader_stage = 0),
+        ("in samplers", |limits| limits.max_samplers_per_shader_stage = 0),
+        ("in groups of bindings", |limits| limits.max_bind_groups = 1),
+        ("in numbers of bindings", |limits| limits.max_bindings_per_bind_group = 4),
+        ("workgroup along x", |limits| limits.max_compute_workgroup_size_x = 32),
+        ("workgroup along y", |limits| limits.max_compute_workgroup_size_y = 1),
+        ("in threads of a workgroup", |limits| limits.max_compute_invocations_per_workgroup = 32),
+        ("of a workgroup's memory", |limits| limits.max_compute_workgroup_storage_size = 1000),
+        ("in workgroups", |limits| limits.max_compute_workgroups_per_dimension = 1),
+        ("variables between its shaders", |limits| limits.max_inter_stage_shader_variables = 0),
+    ];
+    for (what, lower) in cases {
+        let mut less = most.clone();
+        lower(&mut less);
+        let refused = limits::check(&image, &less, "small").unwrap_err().to_string();
+        assert!(refused.contains(what) && refused.contains("small"), "{what}: {refused}");
+    }
 }

@@ -410,6 +410,48 @@ fn files_that_vanish_during_a_run_are_missed() {
     assert_eq!(run_and(&out, &|_| ()).unwrap(), 0);
 }
 
+/// A cell that is more than the adapter can do is named and recorded, and the others run.
+#[test]
+fn a_cell_that_does_not_fit_stops_no_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let kernel = |threads: u32| {
+        format!(
+            "@group(0) @binding(0) var<storage, read_write> d: array<f32>;\n\
+             @compute @workgroup_size({threads}) fn main(@builtin(global_invocation_id) id: vec3<u32>) {{ d[id.x] *= 0.5; }}"
+        )
+    };
+    for (name, threads) in [("few", 4), ("many", 8), ("too_many", 8192)] {
+        std::fs::write(folder.path().join(format!("{name}.wgsl")), kernel(threads)).unwrap();
+    }
+    let text = "Experiment(scene: (terrain: Shape(kind: Sine, size: (9, 9)), camera: Still(eye: (40, -30, 90), look_at: (40, 40, 0)), \
+                viewport: (16, 12)), chains: {\"cast\": [HeightPyramid, RayCast, Kernel(file: \"few.wgsl\", bind: {\"d\": \"distance\"}, \
+                over: \"distance\")]}, sweep: {\"*.Kernel.file\": [\"few.wgsl\", \"too_many.wgsl\", \"many.wgsl\"]}, measure: [ScreenError])";
+    std::fs::write(folder.path().join("sweep.ron"), text).unwrap();
+    let misfits = folder.path().join("out/does_not_fit.json");
+    for summary in ["2 cells run, 0 finished before, 1 does not fit", "0 cells run, 2 finished before, 1 does not fit"]
+    {
+        let output = run(folder.path(), &["run", "sweep.ron", "--out", "out"]);
+        let said = String::from_utf8_lossy(&output.stdout).to_string();
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(said.contains(summary) && said.contains("(it does not fit: the step `"), "{said}");
+        let message = errors(&output);
+        assert!(
+            message.contains("does not fit: the step `") && message.contains("threads of a workgroup"),
+            "{message}"
+        );
+        assert!(message.contains("needs 8192"), "{message}");
+        assert_eq!(records(&folder.path().join("out")).len(), 2);
+        let left: serde_json::Value = serde_json::from_slice(&std::fs::read(&misfits).unwrap()).unwrap();
+        assert_eq!(left.as_array().unwrap().len(), 1);
+        assert!(left[0]["settings"][0][1].as_str().unwrap().contains("too_many.wgsl"), "{left}");
+        assert!(left[0]["why"].as_str().unwrap().contains("needs 8192"), "{left}");
+    }
+    // when all of them fit, there is no such list any more
+    std::fs::write(folder.path().join("too_many.wgsl"), kernel(16)).unwrap();
+    succeeded(&run(folder.path(), &["run", "sweep.ron", "--out", "out"]));
+    assert!(!misfits.exists());
+}
+
 /// Figures are the same in JSON, CSV and the page.
 #[test]
 fn reports_agree() {

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use super::cache::Cache;
 use super::watch::Watch;
-use super::{GpuError, timing, turns};
-use crate::plan::{BufferId, How, Plan, Step, Storage};
+use super::{GpuError, limits, timing, turns};
+use crate::plan::Plan;
 
 /// What a record says about the machine it was made on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -208,48 +208,6 @@ impl Gpu {
 
     /// Compares the plan with the adapter's limits, before anything is allocated.
     pub fn check_plan(&self, plan: &Plan) -> Result<(), GpuError> {
-        let adapter = || self.summary.name.clone();
-        let binding = self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size);
-        for (at, buffer) in plan.buffers.iter().enumerate().filter(|(_, buffer)| buffer.lifetime.is_some()) {
-            let (is_array, is_image) = match buffer.storage {
-                Storage::Input => plan.bound_as(BufferId(at)),
-                Storage::Buffer => (true, false),
-                Storage::Target => (false, true),
-            };
-            if is_array && buffer.bytes() > binding {
-                return Err(GpuError::BufferTooLarge {
-                    buffer: buffer.name.clone(),
-                    needed: buffer.bytes(),
-                    adapter: adapter(),
-                    limit: binding,
-                });
-            }
-            let side = buffer.dims.iter().copied().max().unwrap_or(0);
-            if is_image && side > self.limits.max_texture_dimension_2d {
-                let limit = self.limits.max_texture_dimension_2d.into();
-                return Err(GpuError::Limit {
-                    what: format!("a side of the image `{}`", buffer.name),
-                    needed: side.into(),
-                    adapter: adapter(),
-                    limit,
-                });
-            }
-        }
-        let most_storage = u64::from(self.limits.max_storage_buffers_per_shader_stage);
-        for (step, run) in plan.steps.iter().filter_map(|step: &Step| step.run().map(|run| (step, run))) {
-            let storage = run.kernel.entry(&run.entry).map_or(0, |entry| entry.storage_buffers() as u64);
-            if storage > most_storage {
-                let what = format!("the step `{}` ({}) in storage buffers", step.label, run.kernel.name);
-                return Err(GpuError::Limit { what, needed: storage, adapter: adapter(), limit: most_storage });
-            }
-            let How::Groups(groups) = run.how else { continue };
-            let (most, limit) =
-                (groups.into_iter().max().unwrap_or(0), self.limits.max_compute_workgroups_per_dimension);
-            if most > limit {
-                let what = format!("a side of the dispatch of `{}`, in workgroups,", step.label);
-                return Err(GpuError::Limit { what, needed: most.into(), adapter: adapter(), limit: limit.into() });
-            }
-        }
-        Ok(())
+        limits::check(plan, &self.limits, &self.summary.name)
     }
 }

@@ -6,6 +6,7 @@ pub mod device;
 mod encode;
 mod execute;
 pub mod held;
+pub mod limits;
 mod memory;
 pub mod paint;
 mod parameters;
@@ -28,7 +29,7 @@ pub use held::Held;
 pub use submit::StepTime;
 pub use watch::Waiting;
 
-#[derive(Debug, Error)]
+#[derive(Clone, Debug, Error)]
 pub enum GpuError {
     #[error("no Vulkan, Metal or D3D12 adapter was found")]
     NoAdapter,
@@ -62,6 +63,7 @@ impl GpuError {
                 Some("crop or resample the terrain, or choose a smaller viewport or grid")
             }
             GpuError::OutOfMemory(_) => Some("crop or resample the terrain, or choose a smaller viewport or grid"),
+            GpuError::Limit { .. } => Some("make it smaller, or choose another adapter with --adapter"),
             _ => None,
         }
     }

@@ -122,6 +122,10 @@ pub struct Entry {
     pub name: String,
     pub stage: naga::ShaderStage,
     pub workgroup_size: [u32; 3],
+    /// Bytes of the workgroup's memory that it uses.
+    pub workgroup_bytes: u32,
+    /// How many variables it hands from the vertex shader to the fragment shader, or takes.
+    pub varyings: u32,
     /// The bindings this entry point uses, in binding order.
     pub bindings: Vec<Binding>,
     /// Why no pipeline can be made of it; another entry point of the kernel may do.
@@ -251,7 +255,20 @@ pub fn reflect(assembled: &Assembled, trusted: bool) -> Result<(Vec<Entry>, Vec<
             false => resolved_size(assembled, &module, &info, entry),
         };
         let (workgroup_size, refused) = resolved.map_or_else(|why| ([1; 3], Some(why)), |size| (size, None));
-        entries.push(Entry { name: entry.name.clone(), stage: entry.stage, workgroup_size, bindings, refused });
+        let is_shared = |handle: Handle<GlobalVariable>, variable: &GlobalVariable| {
+            variable.space == AddressSpace::WorkGroup && !function[handle].is_empty()
+        };
+        let shared = module.global_variables.iter().filter(|(handle, variable)| is_shared(*handle, variable));
+        let size = |ty: Handle<naga::Type>| module.types[ty].inner.size(module.to_ctx());
+        entries.push(Entry {
+            name: entry.name.clone(),
+            stage: entry.stage,
+            workgroup_size,
+            workgroup_bytes: shared.map(|(_, variable)| size(variable.ty)).fold(0, u32::saturating_add),
+            varyings: varyings(&module, entry),
+            bindings,
+            refused,
+        });
     }
     let overrides = module.overrides.iter().filter_map(|(_, constant)| constant.name.clone()).collect();
     Ok((entries, overrides, module))
@@ -297,6 +314,26 @@ fn unresolved(assembled: &Assembled, module: &Module, error: PipelineConstantErr
     Diagnostic::input(format!("the constant `{name}` has no value"))
         .at(&origin, "declared here")
         .help(format!("write `override {name} = ..;`, or make it a field of the parameters"))
+}
+
+/// Variables with a location that go from the vertex shader to the fragment shader.
+fn varyings(module: &Module, entry: &naga::EntryPoint) -> u32 {
+    let is_location = |binding: &Option<naga::Binding>| matches!(binding, Some(naga::Binding::Location { .. }));
+    let count = |ty: Handle<naga::Type>, binding: &Option<naga::Binding>| match &module.types[ty].inner {
+        TypeInner::Struct { members, .. } => {
+            members.iter().filter(|member| is_location(&member.binding)).count() as u32
+        }
+        _ => u32::from(is_location(binding)),
+    };
+    match entry.stage {
+        naga::ShaderStage::Vertex => {
+            entry.function.result.as_ref().map_or(0, |result| count(result.ty, &result.binding))
+        }
+        naga::ShaderStage::Fragment => {
+            entry.function.arguments.iter().map(|argument| count(argument.ty, &argument.binding)).sum()
+        }
+        _ => 0,
+    }
 }
 
 fn diagnose(assembled: &Assembled, message: String, labels: Vec<(Span, String)>, note: Option<String>) -> Diagnostic {

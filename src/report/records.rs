@@ -175,6 +175,24 @@ impl Record {
     }
 }
 
+/// A cell without results, because it is more than the adapter can do.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Misfit {
+    pub chain: String,
+    /// Swept paths and their values.
+    pub settings: Vec<(String, String)>,
+    /// What it needs, and what the adapter has.
+    pub why: String,
+    pub help: Option<String>,
+}
+
+impl Misfit {
+    /// Chain and settings: what the user calls this cell.
+    pub fn label(&self) -> String {
+        crate::experiment::label(&self.chain, &self.settings)
+    }
+}
+
 /// The folder a run leaves its results in.
 pub struct Store {
     pub folder: PathBuf,

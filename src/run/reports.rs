@@ -5,7 +5,19 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::regular;
 use crate::report::html::{self, Pictures};
 use crate::report::pareto;
-use crate::report::records::{self, Record, Store};
+use crate::report::records::{self, Misfit, Record, Store};
+
+/// Leaves a list of the cells that did not fit the adapter, if there are any.
+pub fn write_misfits(store: &Store, misfits: &[Misfit]) -> Result<(), Diagnostic> {
+    let name = "does_not_fit.json";
+    if misfits.is_empty() {
+        store.remove(name);
+        return Ok(());
+    }
+    let json = serde_json::to_vec_pretty(misfits)
+        .map_err(|error| Diagnostic::run(format!("{name} cannot be made: {error}")))?;
+    store.write(name, &json)
+}
 
 pub fn write(title: &str, store: &Store, records: &[Record]) -> Result<(), Diagnostic> {
     let csv = records::csv(records).map_err(|error| Diagnostic::run(format!("records.csv cannot be made: {error}")))?;
