@@ -13,6 +13,8 @@ pub fn check(plan: &Plan, limits: &wgpu::Limits, adapter: &str) -> Result<(), Gp
     runs.into_iter().try_for_each(|(step, run)| fit.step(step, run))
 }
 
+type IsKind = fn(&BindingKind) -> bool;
+
 struct Fit<'a> {
     plan: &'a Plan,
     limits: &'a wgpu::Limits,
@@ -91,7 +93,7 @@ impl Fit<'_> {
         let count =
             |is: fn(&BindingKind) -> bool| entry.bindings.iter().filter(|binding| is(&binding.kind)).count() as u64;
         let limits = self.limits;
-        let kinds: [(&str, fn(&BindingKind) -> bool, u32); 4] = [
+        let kinds: [(&str, IsKind, u32); 4] = [
             (
                 "storage buffers",
                 |kind| matches!(kind, BindingKind::Storage { .. }),
