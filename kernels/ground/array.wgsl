@@ -18,8 +18,8 @@ fn ground_corners(cell: vec2<i32>) -> vec4<f32> {
 
 /// The four samples from (x, y) on: upper left, upper right, lower left, lower right. Beyond the border the last ones repeat.
 fn ground_four(first: vec2<i32>) -> vec4<f32> {
-    let last = ground_size() - 1u;
-    let low = min(vec2<u32>(first), last);
-    let high = min(vec2<u32>(first) + 1u, last);
+    let last = vec2<i32>(ground_size()) - 1;
+    let low = vec2<u32>(clamp(first, vec2(0), last));
+    let high = vec2<u32>(clamp(first + 1, vec2(0), last));
     return vec4(ground_height(low), ground_height(vec2(high.x, low.y)), ground_height(vec2(low.x, high.y)), ground_height(high));
 }

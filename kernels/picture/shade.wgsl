@@ -1,7 +1,7 @@
 //!include lib/camera.wgsl
 //!include lib/terrain.wgsl
 //!include lib/relief.wgsl
-//!include ground
+//!include ground as image
 // Distances to a picture: hypsometric tint or a map of colours, sun on the normal of the full-resolution terrain, sky.
 
 struct Params {
@@ -37,29 +37,28 @@ fn tint(share: f32) -> vec3<f32> {
     return mix(stops[low], stops[low + 1u], at - f32(low));
 }
 
-fn height_of(at: vec2<i32>) -> f32 {
-    let inside = clamp(at, vec2(0), vec2<i32>(params.terrain.size) - 1);
-    return ground_height(vec2<u32>(inside));
-}
-
-/// Central differences at a sample, metres a cell.
-fn gradient(at: vec2<i32>) -> vec2<f32> {
-    let dx = height_of(at + vec2(1, 0)) - height_of(at - vec2(1, 0));
-    let dy = height_of(at + vec2(0, 1)) - height_of(at - vec2(0, 1));
-    return 0.5 * vec2(dx, dy);
-}
-
-/// Unit normal in the world, from gradients blended bilinearly between the four samples around.
+/// Unit normal in the world, from central differences blended bilinearly between the four samples around.
 fn normal(position_m: vec2<f32>) -> vec3<f32> {
     let place = cells_from_world(params.terrain, position_m) + params.terrain.eye_fraction;
     let whole = vec2<i32>(floor(place));
     let w = place - vec2<f32>(whole);
     let at = whole + params.terrain.eye_cell;
-    let north = mix(gradient(at), gradient(at + vec2(1, 0)), w.x);
-    let south = mix(gradient(at + vec2(0, 1)), gradient(at + vec2(1, 1)), w.x);
-    let slope = mix(north, south, w.y) / params.terrain.cell_m;
+    // the four samples and those around them, four at a time
+    let nw = ground_four(at - 1);
+    let ne = ground_four(at + vec2(1, -1));
+    let sw = ground_four(at + vec2(-1, 1));
+    let se = ground_four(at + 1);
+    // metres a cell; upper left, upper right, lower left, lower right as in `ground_four`
+    let east = 0.5 * (vec4(ne.z, ne.w, se.x, se.y) - vec4(nw.z, nw.w, sw.x, sw.y));
+    let south = 0.5 * (vec4(sw.y, se.x, sw.w, se.z) - vec4(nw.y, ne.x, nw.w, ne.z));
+    let slope = vec2(blend(east, w), blend(south, w)) / params.terrain.cell_m;
     // rows run south, y runs north
     return normalize(vec3(-slope.x, slope.y, 1.0));
+}
+
+/// Between the values of four neighbours.
+fn blend(four: vec4<f32>, w: vec2<f32>) -> f32 {
+    return mix(mix(four.x, four.y, w.x), mix(four.z, four.w, w.x), w.y);
 }
 
 fn map_texel(at: vec2<u32>) -> vec3<f32> {
