@@ -29,12 +29,12 @@ override SUN: bool = true;
 
 /// Lowland green, yellow, brown, rock, snow.
 fn tint(share: f32) -> vec3<f32> {
-    let stops = array(
-        vec3(0.27, 0.47, 0.30), vec3(0.58, 0.65, 0.36), vec3(0.70, 0.57, 0.37), vec3(0.55, 0.48, 0.43), vec3(0.97, 0.97, 0.98),
-    );
+    // from stop to stop, each of which is reached whole before the next one begins: an array that is indexed is slow on software adapters
     let at = clamp(share, 0.0, 1.0) * 4.0;
-    let low = min(u32(at), 3u);
-    return mix(stops[low], stops[low + 1u], at - f32(low));
+    let low = mix(vec3(0.27, 0.47, 0.30), vec3(0.58, 0.65, 0.36), min(at, 1.0));
+    let middle = mix(low, vec3(0.70, 0.57, 0.37), clamp(at - 1.0, 0.0, 1.0));
+    let high = mix(middle, vec3(0.55, 0.48, 0.43), clamp(at - 2.0, 0.0, 1.0));
+    return mix(high, vec3(0.97, 0.97, 0.98), clamp(at - 3.0, 0.0, 1.0));
 }
 
 /// Unit normal in the world, from central differences blended bilinearly between the four samples around.
