@@ -37,6 +37,31 @@ fn the_plan_of_the_quickstart() {
     insta::assert_snapshot!("quickstart", plan("quickstart"));
 }
 
+/// The steps of every frame that are not the method's.
+fn after_surface(scene: &str, chain: &str) -> Vec<String> {
+    let folder = format!("{ROOT}/experiments");
+    let plan = Setup::chain(scene, chain, folder.as_ref(), Keep::Last).unwrap().plan;
+    plan.after_surface.iter().map(|&at| format!("{}/{}", plan.steps[at].stage, plan.steps[at].label)).collect()
+}
+
+#[test]
+fn what_the_drawn_surface_does_not_depend_on_is_not_of_the_method() {
+    let after = |chain: &str| {
+        after_surface("terrain: Noise(size: (65, 65)), camera: Still(eye: (100, 10, 900)), viewport: (32, 24)", chain)
+    };
+    assert_eq!(after("[HeightPyramid, RayCast, Shade]"), ["Shade/shade"]);
+    assert_eq!(after("[HeightPyramid, RayCast]"), [""; 0]);
+    // wherever it stands: what fills the gaps draws the surface
+    let filled = "HeightPyramid, ViewGrid(size: (8, 6)), Project, GridError, Rasterize, Compact, RayFill";
+    assert_eq!(after(&format!("[{filled}, Shade]")), ["Shade/shade"]);
+    // the next frame's surface depends on what is kept for it
+    let tree = "HeightPyramid, Roughness, VertexSplitting(start: LastFrame), TriangleSplitting, Rasterize, Shade";
+    assert_eq!(after(&format!("[{tree}]")), ["Shade/shade"]);
+    // a map is no picture of a surface, and where none is drawn all steps are the method's
+    assert_eq!(after("[Slope]"), [""; 0]);
+    assert_eq!(after("[HeightPyramid, RayCast, ViewGrid]"), [""; 0]);
+}
+
 fn experiment(sweep: &str) -> Result<Experiment, Diagnostic> {
     let text = format!(
         r#"Experiment(

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use common::{errors, lodlab, measure, records, run, succeeded};
 use lodlab::experiment::{Experiment, diagnostic::Source};
+use lodlab::measure::time::Spread;
+use lodlab::report::{Record, pareto};
 use lodlab::run::{Event, Keep, Setup};
 
 const SWEEP: &str = r#"
@@ -468,6 +470,40 @@ fn reports_agree() {
     let page = std::fs::read_to_string(folder.path().join("made/report.html")).unwrap();
     let shown = format!("<td>{}</td>", measure(&record, "triangles").unwrap());
     assert!(page.contains(&shown) && page.contains("<svg") && page.matches("<img").count() == 2, "{shown}");
+}
+
+/// What is plotted against error is the time of the method, which is timed as often as whole frames; an older record is measured again.
+#[test]
+fn the_time_that_is_plotted_is_the_method_s() {
+    let folder = tempfile::tempdir().unwrap();
+    let chains = "\"grid\": [HeightPyramid, ViewGrid(size: (16, 12)), Project, Rasterize, Shade]";
+    let found = records_of(folder.path(), chains, "measure: [ScreenError, Time]", &[]).remove(0);
+    let record: Record = serde_json::from_value(found.clone()).unwrap();
+    let kernels = record.timings.kernels.iter().filter(|time| time.after_surface);
+    assert_eq!(kernels.map(|time| time.stage.as_str()).collect::<Vec<_>>(), ["Shade"]);
+    let samples = |spread: &Option<Spread>| spread.as_ref().map_or(0, |spread| spread.samples);
+    let whole = samples(&record.timings.frame_wall_ms);
+    assert!(whole > 0);
+    assert_eq!(samples(&record.timings.method_wall_ms), whole);
+    // not the samples of the whole frame under another name
+    assert_ne!(record.timings.method_wall_ms, record.timings.frame_wall_ms);
+
+    let plot = |method_ms: f64, frame_ms: f64| {
+        let spread = |ms| Some(Spread { median: ms, lower_quartile: ms, upper_quartile: ms, samples: 1 });
+        let mut record = record.clone();
+        record.timings.method_gpu_ms = spread(method_ms);
+        record.timings.frame_gpu_ms = spread(frame_ms);
+        pareto::svg("", &[record]).unwrap().unwrap()
+    };
+    assert_eq!(plot(1.0, 2.0), plot(1.0, 400.0));
+    assert_ne!(plot(1.0, 400.0), plot(100.0, 400.0));
+    let made = |name: &str| std::fs::read_to_string(folder.path().join("made").join(name)).unwrap();
+    assert!(made("pareto.svg").contains("time of the method without shading, ms"));
+    assert!(made("report.html").contains("<th>method ms</th><th>frame ms</th>"));
+    let mut csv = csv::Reader::from_path(folder.path().join("made/records.csv")).unwrap();
+    let at = csv.headers().unwrap().iter().position(|column| column == "method_wall_ms").unwrap();
+    let written = csv.records().next().unwrap().unwrap()[at].parse::<f64>().ok();
+    assert_eq!(written, record.timings.method_wall_ms.as_ref().map(|spread| spread.median));
 }
 
 /// Several adapters can have one name: each is opened by its place.

@@ -62,6 +62,14 @@ impl Executor {
         self.submit(&self.steps_of_frame(false))
     }
 
+    /// The same without what comes after the drawn surface: what the method takes.
+    pub fn timed_method(&mut self, frame: usize) -> Result<SubmissionTime, GpuError> {
+        self.begin_path_frame(frame)?;
+        let mut steps = self.steps_of_frame(false);
+        steps.retain(|at| !self.plan.after_surface.contains(at));
+        self.submit(&steps)
+    }
+
     /// Runs a frame with each step as a submission of its own, timed by the clock less what an empty submission
     /// takes: what is left to say about kernels where the stamps are not to be believed.
     pub fn frame_by_steps(&mut self, frame: usize) -> Result<SubmissionTime, GpuError> {

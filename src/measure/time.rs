@@ -10,11 +10,15 @@ use crate::plan::{BufferId, Chain};
 
 pub const INFO: Info = Info {
     name: "Time",
-    summary: "time of each kernel and of a frame: medians and quartiles over warm repetitions of the path",
-    version: 1,
+    summary: "time of each kernel, of the method (a frame without what the drawn surface does not depend on, such as `Shade`) and of a whole frame: \
+              medians and quartiles over warm repetitions of the path",
+    version: 2,
     parameters: schema::<Time>,
     read: read_as::<Time>,
-    columns: &[Column { heading: "frame ms", figure: "frame_ms", show: Show::Number }],
+    columns: &[
+        Column { heading: "method ms", figure: "method_ms", show: Show::Number },
+        Column { heading: "frame ms", figure: "frame_ms", show: Show::Number },
+    ],
 };
 
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]

@@ -350,6 +350,7 @@ impl<'a> Chain<'a> {
             reused: Default::default(),
             products: self.products,
             guards: self.guards,
+            after_surface: Default::default(),
         }
     }
 }

@@ -72,6 +72,9 @@ impl Digest {
         }
         let promise = plan.products.latest::<Drawn<BufferId>>().and_then(|drawn| drawn.promise);
         self.number(promise.map_or(u64::MAX, |promise| promise.bound_px.to_bits()));
+        // they are timed apart
+        self.number(plan.after_surface.len() as u64);
+        plan.after_surface.iter().for_each(|&step| self.number(step as u64));
         self.number(plan.guards.len() as u64);
         for guard in &plan.guards {
             self.text(&guard.list);

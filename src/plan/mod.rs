@@ -17,7 +17,7 @@ mod step;
 mod tap;
 mod work;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::experiment::diagnostic::Diagnostic;
@@ -192,6 +192,9 @@ pub struct Plan {
     /// What the stages offer to the measures.
     pub products: Products<BufferId>,
     pub guards: Vec<Guard>,
+    /// Steps of every frame that the surface as it was drawn last does not depend on, such as those that make a picture of it. All other
+    /// steps of every frame are the method's.
+    pub after_surface: BTreeSet<usize>,
 }
 
 /// What a plan is made for.
@@ -225,6 +228,7 @@ impl Plan {
             reuse::find(&mut plan, data);
         }
         alias::assign(&mut plan, demand.keep_everything);
+        plan.after_surface = prune::find_after_surface(&plan);
         // what is left out has no list to overflow
         let guards = std::mem::take(&mut plan.guards);
         plan.guards = guards.into_iter().filter(|guard| plan.lives(guard.needed)).collect();

@@ -1,5 +1,8 @@
 //! Demand flows back from what is wanted; what it does not reach is left out, with the reason.
 
+use std::collections::BTreeSet;
+
+use super::product::Drawn;
 use super::{BufferId, LeftOut, Life, Often, Plan, Step, Work};
 
 /// A step runs once if nothing in it changes from frame to frame: neither its parameters, nor what it reads, nor what others write where it
@@ -33,13 +36,36 @@ pub fn classify(plan: &mut Plan) {
     }
 }
 
-/// Drops the steps that nothing wanted depends on.
-pub fn prune(plan: &mut Plan) {
-    let mut wanted = plan.outputs.clone();
+/// What a frame has to leave for these buffers to be made in every frame: they, and what lasts that they depend on.
+fn with_history(plan: &Plan, mut wanted: Vec<BufferId>) -> Vec<BufferId> {
     // a buffer that lasts is an output of this frame for the next one
     while let Some(id) = remembered(plan, &wanted) {
         wanted.push(id);
     }
+    wanted
+}
+
+/// Finds the steps of every frame that the surface as it was drawn last does not depend on. A chain that draws none is a method as a whole.
+pub fn find_after_surface(plan: &Plan) -> BTreeSet<usize> {
+    let Some(drawn) = plan.products.find(|drawn: &Drawn<BufferId>| plan.lives(drawn.distance)) else {
+        return BTreeSet::new();
+    };
+    let error = drawn.error.filter(|error| plan.lives(*error));
+    let mut wanted = with_history(plan, std::iter::once(drawn.distance).chain(error).collect());
+    let mut after = BTreeSet::new();
+    for (at, step) in plan.steps.iter().enumerate().rev() {
+        if is_needed(step, &wanted) {
+            wanted.extend(&step.reads);
+        } else if step.often == Often::EveryFrame && !step.is_tap() {
+            after.insert(at);
+        }
+    }
+    after
+}
+
+/// Drops the steps that nothing wanted depends on.
+pub fn prune(plan: &mut Plan) {
+    let mut wanted = with_history(plan, plan.outputs.clone());
     let mut needed = Vec::new();
     for step in std::mem::take(&mut plan.steps).into_iter().rev() {
         if is_needed(&step, &wanted) {

@@ -16,6 +16,9 @@ pub struct Pictures {
     pub looks: Vec<(String, Vec<u8>)>,
 }
 
+const TIME: &str = "The time is that of the method: a frame without the steps that the drawn surface does not depend on, such as those that \
+shade it. The table has the time of the whole frame beside it.";
+
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2rem auto;padding:0 1rem;color:#222}\
 table{border-collapse:collapse;font-size:13px}td,th{padding:.25rem .6rem;border-bottom:1px solid #ddd;text-align:right}\
 td:first-child,th:first-child{text-align:left}img{max-width:49%;margin:0 .3% 0 0}pre{background:#f6f6f6;padding:.8rem;\
@@ -52,7 +55,7 @@ fn write_page(
         )?;
     }
     if let Some(svg) = pareto {
-        write!(html, "<h2>Error against run time</h2>{svg}")?;
+        write!(html, "<h2>Error against run time</h2><p>{TIME}</p>{svg}")?;
     }
     write!(html, "<h2>Cells</h2><table><tr>")?;
     let columns = table::columns(records);
@@ -116,7 +119,11 @@ fn write_kernels(html: &mut String, records: &[Record]) -> std::fmt::Result {
                 ),
                 None => ("not measured".into(), String::new(), 0),
             };
-            let often = if time.once { " (once)" } else { "" };
+            let often = match (time.once, time.after_surface) {
+                (true, _) => " (once)",
+                (_, true) => " (not of the method)",
+                _ => "",
+            };
             write!(
                 html,
                 "<tr><td>{}</td><td>{}</td><td>{}{often}</td><td>{median}</td><td>{quartiles}</td><td>{samples}</td></tr>",

@@ -52,7 +52,7 @@ pub fn svg(title: &str, records: &[Record]) -> Result<Option<String>, Diagnostic
 
 fn point(record: &Record) -> Option<Point<'_>> {
     let error_px = placed(record.measure("error_rms")?, SMALLEST_PX)?;
-    Some(Point { chain: &record.chain, label: record.label(), ms: placed(record.frame_ms()?, SMALLEST_MS)?, error_px })
+    Some(Point { chain: &record.chain, label: record.label(), ms: placed(record.method_ms()?, SMALLEST_MS)?, error_px })
 }
 
 /// Where a number is on its axis, if it has a place there.
@@ -93,7 +93,7 @@ fn draw(text: &mut String, title: &str, points: &[Point]) -> Result<(), Box<dyn 
         .build_cartesian_2d(range(|point| point.ms).log_scale(), range(|point| point.error_px).log_scale())?;
     chart
         .configure_mesh()
-        .x_desc("frame time, ms (median)")
+        .x_desc("time of the method without shading, ms (median)")
         .y_desc("screen-space error, px (RMS)")
         .light_line_style(RGBColor(240, 240, 240))
         .label_style(("sans-serif", 14))

@@ -16,7 +16,7 @@ use crate::measure::time::Spread;
 use crate::plan::LeftOut;
 
 /// Changes whenever a record would mean something else than before.
-pub const FORMAT: u32 = 4;
+pub const FORMAT: u32 = 5;
 
 /// Everything that decides a cell's results: what is carried out, on what, and what is measured. A change in any part makes it another
 /// cell, except in how it was written.
@@ -105,6 +105,9 @@ pub struct KernelTime {
     pub stage: String,
     pub step: String,
     pub once: bool,
+    /// The surface as it was drawn last does not depend on it: it is not of the method.
+    #[serde(default)]
+    pub after_surface: bool,
     /// Milliseconds; `None` is "not measured".
     pub ms: Option<Spread>,
 }
@@ -113,9 +116,16 @@ pub struct KernelTime {
 pub struct Timings {
     /// "timestamps" of the GPU, or the "clock" with a submission for each step where those are not to be believed.
     pub kernels_by: String,
-    /// GPU time of a frame, milliseconds; `None` without timestamps to believe.
+    /// GPU time of the method, milliseconds: of a frame that leaves out the steps that the drawn surface does not depend on, such as
+    /// those that shade it. `None` without timestamps to believe.
+    pub method_gpu_ms: Option<Spread>,
+    /// Wall time of the same frame, milliseconds. If there are no such steps, it is that of the whole frame.
+    pub method_wall_ms: Option<Spread>,
+    /// Time of those steps by themselves, milliseconds in the sum, by the stamps or the clock as that of each kernel.
+    pub after_surface_ms: Option<Spread>,
+    /// GPU time of a whole frame, milliseconds; `None` without timestamps to believe.
     pub frame_gpu_ms: Option<Spread>,
-    /// Wall time of a frame, milliseconds.
+    /// Wall time of a whole frame, milliseconds.
     pub frame_wall_ms: Option<Spread>,
     /// Share of a frame's wall time outside kernels.
     pub outside_kernels: Option<f64>,
@@ -151,16 +161,25 @@ pub struct Record {
 }
 
 impl Record {
-    /// A figure by name; `frame_ms` is that of the clock or the stamps.
+    /// A figure by name; `method_ms` and `frame_ms` are those of the clock or the stamps.
     pub fn figure(&self, name: &str) -> Option<f64> {
-        if name == "frame_ms" { self.frame_ms() } else { self.measure(name) }
+        match name {
+            "method_ms" => self.method_ms(),
+            "frame_ms" => self.frame_ms(),
+            _ => self.measure(name),
+        }
     }
 
     pub fn measure(&self, name: &str) -> Option<f64> {
         self.measures.iter().find(|measure| measure.name == name)?.value
     }
 
-    /// GPU time of a frame if it was measured, wall time if not.
+    /// GPU time of what makes the drawn surface if it was measured, wall time if not: the time that stands against the error.
+    pub fn method_ms(&self) -> Option<f64> {
+        self.timings.method_gpu_ms.as_ref().or(self.timings.method_wall_ms.as_ref()).map(|spread| spread.median)
+    }
+
+    /// GPU time of a whole frame if it was measured, wall time if not.
     pub fn frame_ms(&self) -> Option<f64> {
         self.timings.frame_gpu_ms.as_ref().or(self.timings.frame_wall_ms.as_ref()).map(|spread| spread.median)
     }
@@ -369,6 +388,13 @@ pub fn csv(records: &[Record]) -> Result<Vec<u8>, csv::Error> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let fixed = ["cell", "experiment", "chain"];
     let times = [
+        "method_gpu_ms",
+        "method_gpu_ms_q1",
+        "method_gpu_ms_q3",
+        "method_wall_ms",
+        "method_wall_ms_q1",
+        "method_wall_ms_q3",
+        "after_surface_ms",
         "frame_gpu_ms",
         "frame_gpu_ms_q1",
         "frame_gpu_ms_q3",
@@ -387,12 +413,17 @@ pub fn csv(records: &[Record]) -> Result<Vec<u8>, csv::Error> {
         };
         row.extend(paths.iter().map(setting));
         row.extend(names.iter().map(|name| number(record.measure(name))));
+        let spread = |spread: Option<&Spread>| {
+            let parts: [fn(&Spread) -> f64; 3] = [|s| s.median, |s| s.lower_quartile, |s| s.upper_quartile];
+            parts.map(|part| number(spread.map(part)))
+        };
         let gpu = record.timings.frame_gpu_ms.as_ref();
         let wall = record.timings.frame_wall_ms.as_ref();
+        row.extend(spread(record.timings.method_gpu_ms.as_ref()));
+        row.extend(spread(record.timings.method_wall_ms.as_ref()));
+        row.push(number(record.timings.after_surface_ms.as_ref().map(|spread| spread.median)));
+        row.extend(spread(gpu));
         row.extend([
-            number(gpu.map(|spread| spread.median)),
-            number(gpu.map(|spread| spread.lower_quartile)),
-            number(gpu.map(|spread| spread.upper_quartile)),
             number(wall.map(|spread| spread.median)),
             number(wall.map(|spread| spread.samples as f64)),
             record.timings.once_ms.to_string(),

@@ -71,8 +71,8 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     // timed apart: reading back and measuring between frames leaves caches and clocks as no renderer has them
     let asked_for = prepared.measures.iter().find_map(|chosen| chosen.measure.sampling());
     let sampling = asked_for.unwrap_or(Sampling { warmup: 0, repeats: 1 });
-    let (frames, by_steps) = match timed(gpu, plan, &mut executor, sampling)? {
-        Timed::Frames { frames, by_steps } => (frames, by_steps),
+    let samples = match timed(gpu, plan, &mut executor, sampling)? {
+        Timed::Frames(samples) => samples,
         Timed::Overflowed(overflow) => return Ok(Ended::Overflowed(overflow)),
     };
     let mut warnings = gpu.warn_of_loops(plan);
@@ -80,13 +80,13 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
         let names: Vec<&str> = on_cpu.iter().map(|&at| prepared.cell.stages[at].name.as_str()).collect();
         warnings.push(format!("{} in f64 on the CPU: errors are of that, times of the kernels", names.join(", ")));
     }
-    let timings = if gpu.summary.timestamps {
-        timings(plan, &executor, &once, &frames, &frames)
+    let once = if gpu.summary.timestamps {
+        once
     } else {
         warnings.push("this adapter's timestamps are not to be believed: times are those of the clock".to_string());
-        let once = executor.setup_by_steps()?;
-        timings(plan, &executor, &once, &frames, &by_steps)
+        executor.setup_by_steps()?
     };
+    let timings = timings(plan, &executor, &once, &samples);
     let buffers = looks.hashes();
     let pictured = std::mem::take(&mut looks.pictured);
     let figures = looks.finish();

@@ -9,37 +9,57 @@ use crate::measure::time;
 use crate::plan::{Often, Plan};
 use crate::report::records::{KernelTime, Timings};
 
-/// Whole frames and frames in steps, or a list that was too short for one of them.
+/// Frames in each way in which they are timed.
+#[derive(Default)]
+pub struct Samples {
+    frames: Vec<SubmissionTime>,
+    /// Without what comes after the drawn surface; empty if nothing does.
+    method: Vec<SubmissionTime>,
+    /// Step by step; empty if the stamps of whole frames say what each step took.
+    by_steps: Vec<SubmissionTime>,
+}
+
+/// The times of all frames, or a list that was too short for one of them.
 pub enum Timed {
-    Frames { frames: Vec<SubmissionTime>, by_steps: Vec<SubmissionTime> },
+    Frames(Samples),
     Overflowed(Overflow),
 }
 
-/// The path as often as asked for, in whole frames and, where nothing better tells, in steps. Whole frames and steps alternate frame by
-/// frame, so that both see the same machine state. With history that would run each frame twice in a row, so the two passes over the
-/// path are made one after the other, and each begins with a frame that does not count: it comes after none that it could go on from.
+#[derive(Clone, Copy)]
+enum Way {
+    Whole,
+    Method,
+    Steps,
+}
+
+/// The path as often as asked for, in whole frames, in frames that end with the drawn surface and, where nothing better tells, in steps. The
+/// ways alternate frame by frame, so that all see the same machine state. With history that would run each frame several times in a row, so
+/// the passes over the path are made one after the other, and each begins with a frame that does not count: it comes after none that it
+/// could go on from.
 pub fn timed(gpu: &Gpu, plan: &Plan, executor: &mut Executor, sampling: Sampling) -> Result<Timed, Diagnostic> {
     for frame in 0..sampling.warmup {
         executor.timed_frame(frame as usize % plan.frames)?;
     }
-    let (mut frames, mut by_steps) = (Vec::new(), Vec::new());
-    let needs_steps = !gpu.summary.timestamps;
-    let ways = if needs_steps { &[false, true][..] } else { &[false] };
+    let mut samples = Samples::default();
+    let asked_for =
+        [(Way::Whole, true), (Way::Method, !plan.after_surface.is_empty()), (Way::Steps, !gpu.summary.timestamps)];
+    let ways = || asked_for.iter().filter(|(_, is_wanted)| *is_wanted).map(|(way, _)| *way);
     let goes_on = plan.remembers() || !plan.reused.is_empty();
-    let order: Vec<(usize, bool)> = match goes_on {
-        true => ways.iter().flat_map(|&way| (0..plan.frames).map(move |frame| (frame, way))).collect(),
-        false => (0..plan.frames).flat_map(|frame| ways.iter().map(move |&way| (frame, way))).collect(),
+    let order: Vec<(usize, Way)> = match goes_on {
+        true => ways().flat_map(|way| (0..plan.frames).map(move |frame| (frame, way))).collect(),
+        false => (0..plan.frames).flat_map(|frame| ways().map(move |way| (frame, way))).collect(),
     };
     for _ in 0..sampling.repeats {
-        for &(frame, in_steps) in &order {
+        for &(frame, way) in &order {
             if goes_on && frame == 0 && plan.frames > 1 {
                 executor.reset_history();
                 executor.timed_frame(frame)?;
                 continue;
             }
-            match in_steps {
-                true => by_steps.push(executor.frame_by_steps(frame)?),
-                false => frames.push(executor.timed_frame(frame)?),
+            match way {
+                Way::Whole => samples.frames.push(executor.timed_frame(frame)?),
+                Way::Method => samples.method.push(executor.timed_method(frame)?),
+                Way::Steps => samples.by_steps.push(executor.frame_by_steps(frame)?),
             }
             // after another frame than before, a list can be longer
             if let Some(overflow) = Overflow::after_frame(executor, plan)? {
@@ -47,17 +67,14 @@ pub fn timed(gpu: &Gpu, plan: &Plan, executor: &mut Executor, sampling: Sampling
             }
         }
     }
-    Ok(Timed::Frames { frames, by_steps })
+    Ok(Timed::Frames(samples))
 }
 
-/// `frames` are whole submissions; `by_steps` say what each step took in them, or by itself.
-pub fn timings(
-    plan: &Plan,
-    executor: &Executor,
-    once: &SubmissionTime,
-    frames: &[SubmissionTime],
-    by_steps: &[SubmissionTime],
-) -> Timings {
+/// What the samples say.
+pub fn timings(plan: &Plan, executor: &Executor, once: &SubmissionTime, samples: &Samples) -> Timings {
+    let frames = samples.frames.as_slice();
+    let [method, by_steps] =
+        [&samples.method, &samples.by_steps].map(|own| if own.is_empty() { frames } else { own.as_slice() });
     // one invalid stamp makes the whole step "not measured": a median of the rest would flatter it
     let all = |samples: Vec<Option<f64>>| samples.into_iter().collect::<Option<Vec<f64>>>().and_then(time::spread);
     let of_step = |at: usize, submissions: &[SubmissionTime]| {
@@ -75,6 +92,7 @@ pub fn timings(
                 stage: step.stage.clone(),
                 step: step.label.clone(),
                 once: is_once,
+                after_surface: plan.after_surface.contains(&at),
                 ms: of_step(at, submissions),
             }
         })
@@ -84,10 +102,18 @@ pub fn timings(
         inside_ms.map(|inside_ms| 1.0 - inside_ms / frame.wall_ms)
     };
     let outside = all(frames.iter().zip(by_steps).map(outside).collect()).map(|spread| spread.median.max(0.0));
+    let after_surface = |submission: &SubmissionTime| {
+        submission.steps.iter().filter(|time| plan.after_surface.contains(&time.step)).map(|time| time.ms).sum()
+    };
+    let gpu_ms = |submissions: &[SubmissionTime]| all(submissions.iter().map(|time| time.gpu_ms).collect());
+    let wall_ms = |submissions: &[SubmissionTime]| time::spread(submissions.iter().map(|time| time.wall_ms).collect());
     Timings {
         kernels_by: if executor.believes_stamps() { "timestamps" } else { "clock" }.into(),
-        frame_gpu_ms: all(frames.iter().map(|submission| submission.gpu_ms).collect()),
-        frame_wall_ms: time::spread(frames.iter().map(|submission| submission.wall_ms).collect()),
+        method_gpu_ms: gpu_ms(method),
+        method_wall_ms: wall_ms(method),
+        after_surface_ms: all(by_steps.iter().map(after_surface).collect()),
+        frame_gpu_ms: gpu_ms(frames),
+        frame_wall_ms: wall_ms(frames),
         outside_kernels: outside,
         once_ms: once.wall_ms,
         prepare_ms: executor.prepare_ms,

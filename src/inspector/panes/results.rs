@@ -87,10 +87,10 @@ impl ResultsPane {
         });
     }
 
-    /// Mean error over the time of a frame, both as logarithms, since the plot has no other way to show them.
+    /// Mean error over the time of the method, both as logarithms, since the plot has no other way to show them.
     fn plot(&mut self, ui: &mut Ui) {
         let place = |record: &Record| {
-            let (time, error) = (record.frame_ms()?, record.measure("error_mean")?);
+            let (time, error) = (record.method_ms()?, record.measure("error_mean")?);
             (time > 0.0 && error > 0.0).then(|| [time.log10(), error.log10()])
         };
         let places: Vec<(usize, [f64; 2])> =
@@ -110,7 +110,7 @@ impl ResultsPane {
         let response = Plot::new("results")
             .height(260.0)
             .legend(egui_plot::Legend::default())
-            .x_axis_label("ms a frame")
+            .x_axis_label("ms of the method")
             .y_axis_label("mean error, px")
             .x_grid_spacer(marks)
             .y_grid_spacer(marks)
