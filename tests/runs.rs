@@ -477,7 +477,7 @@ fn reports_agree() {
 fn the_time_that_is_plotted_is_the_method_s() {
     let folder = tempfile::tempdir().unwrap();
     let chains = "\"grid\": [HeightPyramid, ViewGrid(size: (16, 12)), Project, Rasterize, Shade]";
-    let found = records_of(folder.path(), chains, "measure: [ScreenError, Time]", &[]).remove(0);
+    let found = records_of(folder.path(), chains, "measure: [ScreenError, Image, Time]", &[]).remove(0);
     let record: Record = serde_json::from_value(found.clone()).unwrap();
     let kernels = record.timings.kernels.iter().filter(|time| time.after_surface);
     assert_eq!(kernels.map(|time| time.stage.as_str()).collect::<Vec<_>>(), ["Shade"]);
