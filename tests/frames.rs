@@ -10,6 +10,7 @@ use glam::DVec3;
 use lodlab::camera::Camera;
 use lodlab::check::{self, cases::Case};
 use lodlab::frame::FrameInput;
+use lodlab::gpu::submit::SubmissionTime;
 use lodlab::gpu::{Executor, Gpu};
 use lodlab::plan::{BufferId, Capacities, Demand, Plan};
 use lodlab::run::{Keep, Setup};
@@ -294,6 +295,21 @@ fn a_cut_is_not_taken_over() {
         (executor.read(setup.plan.outputs[0]).unwrap()[0], steps)
     };
     assert_eq!([0, 1, 2, 0, 1, 2].map(&mut told), [(1, 1), (0, 1), (0, 0), (1, 1), (0, 1), (0, 0)]);
+}
+
+/// What the time of the method is of: all steps of a frame but those that the drawn surface does not depend on.
+#[test]
+fn the_method_is_timed_without_its_picture() {
+    let setup = setup(PATH, GRID, Keep::Last);
+    let mut executor = setup.executor(&gpu()).unwrap();
+    let stages = |time: SubmissionTime| -> Vec<String> {
+        time.steps.iter().map(|time| setup.plan.steps[time.step].stage.clone()).collect()
+    };
+    let mut whole = stages(executor.timed_frame(0).unwrap());
+    let method = stages(executor.timed_method(1).unwrap());
+    assert!(method.iter().any(|stage| stage == "RayFill"), "{method:?}");
+    assert_eq!(whole.pop().as_deref(), Some("Shade"));
+    assert_eq!(whole, method);
 }
 
 /// A frame with the camera of the one before leaves out what depends on nothing else, and no bit changes.

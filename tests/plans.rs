@@ -47,7 +47,10 @@ fn after_surface(scene: &str, chain: &str) -> Vec<String> {
 #[test]
 fn what_the_drawn_surface_does_not_depend_on_is_not_of_the_method() {
     let after = |chain: &str| {
-        after_surface("terrain: Noise(kind: Fbm, size: (65, 65)), camera: Still(eye: (100, 10, 900)), viewport: (32, 24)", chain)
+        after_surface(
+            "terrain: Noise(kind: Fbm, size: (65, 65)), camera: Still(eye: (100, 10, 900)), viewport: (32, 24)",
+            chain,
+        )
     };
     assert_eq!(after("[HeightPyramid, RayCast, Shade]"), ["Shade/shade"]);
     assert_eq!(after("[HeightPyramid, RayCast]"), [""; 0]);
