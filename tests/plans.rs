@@ -60,6 +60,21 @@ fn what_the_drawn_surface_does_not_depend_on_is_not_of_the_method() {
     // the next frame's surface depends on what is kept for it
     let tree = "HeightPyramid, Roughness, VertexSplitting(start: LastFrame), TriangleSplitting, Rasterize, Shade";
     assert_eq!(after(&format!("[{tree}]")), ["Shade/shade"]);
+    // and so it does on what a step behind it leaves
+    let change = |now: &str, before: &str, made: &str| {
+        format!(
+            "Kernel(file: \"kernels/change.wgsl\", bind: {{\"now\": \"{now}\", \"before\": {before}, \"change\": {made}}}, over: \"{now}\")"
+        )
+    };
+    let drawn =
+        |before: &str| change("distance", before, "New(name: \"drawn\", of: F32, like: \"distance\", as: Distance)");
+    let left = change("drawn", "\"distance\"", "New(name: \"left\", of: F32, like: \"distance\")");
+    let stages = |before: &str| {
+        let steps = after(&format!("[HeightPyramid, RayCast, {}, {left}]", drawn(before)));
+        steps.into_iter().map(|step| step.split('/').next().unwrap().to_string()).collect::<Vec<_>>()
+    };
+    assert_eq!(stages("\"distance\""), ["Kernel"]);
+    assert_eq!(stages("Last(\"left\")"), [""; 0]);
     // a map is no picture of a surface, and where none is drawn all steps are the method's
     assert_eq!(after("[Slope]"), [""; 0]);
     assert_eq!(after("[HeightPyramid, RayCast, ViewGrid]"), [""; 0]);
