@@ -145,6 +145,6 @@ fn a_fold_is_undone_where_it_is() {
     assert!(moved > 0, "nothing would fold");
     assert!(moved < gave_way.len() / 4, "{moved} of {} corners gave way", gave_way.len());
     // a quarter, if the whole warp alone gave way
-    let share = f32::from_bits(ran.read::<u32>("warp_share")[0]);
+    let share = f32::from_bits(ran.read::<u32>("grid_work")[3]);
     assert!(share > 0.7, "{share} of the warp is left");
 }

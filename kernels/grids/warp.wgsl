@@ -28,20 +28,22 @@ struct Params {
 @group(0) @binding(7) var<storage, read> map_before: array<vec2<f32>>;
 @group(0) @binding(8) var<storage, read_write> map_out: array<vec2<f32>>;
 @group(0) @binding(9) var<storage, read> warp_map: array<vec2<f32>>;
-/// How much of the warp keeps every cell convex, as the bits of an f32.
-@group(0) @binding(10) var<storage, read_write> share_out: array<atomic<u32>>;
-@group(0) @binding(11) var<storage, read> share: array<u32>;
 /// How often each corner of the importance map's cells gave way.
 @group(0) @binding(15) var<storage, read_write> gave_way: array<u32>;
 /// Workgroups along x, y and z that visit all corners; none along x without a fold.
 @group(0) @binding(16) var<storage, read_write> fold_work: array<atomic<u32>>;
-/// The same for the cells of the grid; none along x if no round has folded anything.
+/// The same for the cells of the grid; none along x if no round has folded anything. Then how much of the warp keeps every cell convex, as the
+/// bits of an f32.
 @group(0) @binding(18) var<storage, read_write> grid_work: array<atomic<u32>>;
+@group(0) @binding(11) var<storage, read> share: array<u32>;
 /// The same again; none along x if the grid has no fold.
 @group(0) @binding(19) var<storage, read_write> left_work: array<atomic<u32>>;
 @group(0) @binding(17) var<storage, read> relax_from: array<vec2<f32>>;
 @group(0) @binding(12) var<storage, read> uniform_point: array<vec2<f32>>;
 @group(0) @binding(13) var<storage, read_write> grid_point: array<vec2<f32>>;
+
+/// Where the share stands in `grid_work`.
+const SHARE: u32 = 3u;
 
 /// Running sums keep what an f32 rounds away; without, they are plain f32 sums.
 override COMPENSATED: bool = true;
@@ -225,7 +227,7 @@ fn compose(@builtin(global_invocation_id) id: vec3<u32>) {
             atomicStore(&left_work[0], 0u);
             atomicStore(&left_work[1], grid_groups().y);
             atomicStore(&left_work[2], 1u);
-            atomicStore(&share_out[0], bitcast<u32>(1.0));
+            atomicStore(&grid_work[SHARE], bitcast<u32>(1.0));
         }
     }
     if any(id.xy > params.size) {
@@ -371,7 +373,7 @@ fn unfold(@builtin(global_invocation_id) id: vec3<u32>) {
     let until = min(north, south);
     if until < 1.0 {
         // positive floats are ordered like their bits
-        atomicMin(&share_out[0], bitcast<u32>(0.999 * until));
+        atomicMin(&grid_work[SHARE], bitcast<u32>(0.999 * until));
     }
 }
 
@@ -399,6 +401,6 @@ fn refine(@builtin(global_invocation_id) id: vec3<u32>) {
     let index = id.y * params.grid.x + id.x;
     let place = uniform_point[index];
     let warped = warped_place(place);
-    let far = bitcast<f32>(share[0]);
+    let far = bitcast<f32>(share[SHARE]);
     grid_point[index] = clamp(vec2(between(place.x, warped.x, far), between(place.y, warped.y, far)), vec2(0.0), vec2(1.0));
 }

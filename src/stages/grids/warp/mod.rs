@@ -86,17 +86,16 @@ impl Stage for Warp {
             map = Some(self.round(chain, round, importance, (size, grid), map, &work)?);
         }
         let Some(map) = map else { return Ok(()) };
-        for (entry, out, over) in [("find_grid_folds", "left_work", work.cells), ("unfold", "share_out", work.folded)] {
-            let step = self.step(chain, entry, self.rounds - 1, (size, grid))?.bind("warp_map", map);
-            let made = if out == "share_out" { work.share } else { work.folded };
-            step.bind("uniform_point", points).bind(out, made).over_indirect(over)?;
-        }
+        let step = self.step(chain, "find_grid_folds", self.rounds - 1, (size, grid))?.bind("warp_map", map);
+        step.bind("uniform_point", points).bind("left_work", work.folded).over_indirect(work.cells)?;
+        let step = self.step(chain, "unfold", self.rounds - 1, (size, grid))?.bind("warp_map", map);
+        step.bind("uniform_point", points).bind("grid_work", work.cells).over_indirect(work.folded)?;
         let meaning = "place in the projector's image, (0, 0) to (1, 1)";
         let warped = chain.make("grid_point", Elem::Vec2F32, &[grid.y, grid.x], "", meaning);
         chain.set_spread(warped, Spread::GridPoints);
         self.step(chain, "refine", self.rounds - 1, (size, grid))?
             .bind("warp_map", map)
-            .bind("share", work.share)
+            .bind("share", work.cells)
             .bind("uniform_point", points)
             .bind("grid_point", warped)
             .over(grid)
@@ -150,7 +149,6 @@ impl Warp {
         };
         compose
             .bind("map_out", map)
-            .bind("share_out", work.share)
             .bind("gave_way", gave_way)
             .bind("fold_work", fold_work)
             .bind("grid_work", work.cells)
@@ -199,21 +197,18 @@ impl Warp {
 
 /// What is done about folds of the grid itself.
 struct GridWork {
-    /// Workgroups that look at its cells, if a round has folded anything.
+    /// Workgroups that look at its cells, if a round has folded anything, and how much of the warp keeps all of them convex.
     cells: BufferId,
     /// The same, if any of them is folded.
     folded: BufferId,
-    /// How much of the warp keeps all of them convex.
-    share: BufferId,
 }
 
 impl GridWork {
     fn new(chain: &mut Chain) -> Self {
-        let meaning = "workgroups along x, y, z that look after folds of the grid";
-        let cells = chain.make("grid_work", Elem::U32, &[3], "", meaning);
-        let folded = chain.make("left_work", Elem::U32, &[3], "", meaning);
-        let meaning = "how much of the warp keeps every cell convex, as the bits of an f32";
-        Self { cells, folded, share: chain.make("warp_share", Elem::U32, &[1], "", meaning) }
+        let work = "workgroups along x, y, z that look after folds of the grid";
+        let meaning = format!("{work}; how much of the warp keeps every cell convex, as the bits of an f32");
+        let cells = chain.make("grid_work", Elem::U32, &[4], "", &meaning);
+        Self { cells, folded: chain.make("left_work", Elem::U32, &[3], "", work) }
     }
 }
 
