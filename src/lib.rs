@@ -44,5 +44,6 @@ pub mod measure;
 pub mod report;
 pub mod run;
 pub mod check;
+pub mod hunt;
 #[cfg(feature = "inspector")]
 pub mod inspector;

@@ -21,6 +21,7 @@ use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::experiment::parameters::{Parameter, describe};
 use lodlab::experiment::sweep::{self, Setting};
 use lodlab::gpu::{Gpu, Waiting, device};
+use lodlab::hunt::{self, Found, Hunt, Summary};
 use lodlab::plan::explain;
 use lodlab::report::records::Misfit;
 use lodlab::report::table;
@@ -96,10 +97,37 @@ enum Command {
         #[arg(long, value_name = "NAME")]
         adapter: Option<String>,
     },
+    /// Looks for scenes in which a promise is broken (a proven bound, a closed mesh, the truth, the same bits twice), and writes what it finds
+    Hunt(Hunting),
     /// Shows every buffer of an experiment in a window; without a file, the experiments that ship
     Inspect(Inspect),
     /// Lists the adapters
     Devices,
+}
+
+#[derive(clap::Args)]
+struct Hunting {
+    /// Where the random numbers begin; the same seed tries the same
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Ends after so many frames
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    frames: usize,
+    /// Ends after so much time
+    #[arg(long, value_name = "SECONDS")]
+    seconds: Option<u32>,
+    /// Only chains with this stage
+    #[arg(long, value_name = "STAGE")]
+    stage: Option<String>,
+    /// An elevation file to take pieces of, besides noise and shapes
+    #[arg(long, value_name = "FILE")]
+    dem: Vec<PathBuf>,
+    /// The adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    adapter: Option<String>,
+    /// The folder for experiments that break a promise
+    #[arg(long, value_name = "DIR", default_value = "out/hunt")]
+    out: PathBuf,
 }
 
 #[derive(clap::Args)]
@@ -148,6 +176,38 @@ struct Inspect {
     /// Only the views, without the window around them
     #[arg(long)]
     only_views: bool,
+}
+
+fn hunt_for(wanted: Hunting) -> Result<(), Diagnostic> {
+    let time = wanted.seconds.map(|seconds| Duration::from_secs(seconds.into()));
+    let hunt = Hunt { seed: wanted.seed, frames: wanted.frames, time, stage: wanted.stage, dems: wanted.dem };
+    let gpu = Gpu::open(wanted.adapter.as_deref())?;
+    say!("seed {} on {}", hunt.seed, gpu.summary.name);
+    let bar = progress_bar();
+    let mut found = 0;
+    let mut failure = None;
+    let mut note = |broken: Found| {
+        found += 1;
+        let file = wanted.out.join(format!("{}_{found}.ron", wanted.seed));
+        let settings: String = broken.settings.iter().map(|(path, value)| format!(" --set '{path}={value}'")).collect();
+        say!("BROKEN {} ({}): lodlab run {}{settings}", broken.promise, broken.value, file.display());
+        let written = std::fs::create_dir_all(&wanted.out).and_then(|()| std::fs::write(&file, &broken.experiment));
+        failure = failure.take().or(written.err());
+    };
+    let tell = |summary: &Summary| {
+        bar.set_length(hunt.frames as u64);
+        bar.set_position(summary.frames as u64);
+    };
+    let summary = hunt::hunt(&gpu, &hunt, &mut note, &tell);
+    bar.finish_and_clear();
+    let Summary { frames, promised, too_steep, refused } = summary?;
+    say!("{frames} frames, {promised} of them with a proven bound: {found} broken promises");
+    say!("({too_steep} scenes too steep for rays in f32, {refused} that are no experiment or do not fit)");
+    match failure {
+        Some(error) => Err(Diagnostic::run(format!("`{}` cannot be written: {error}", wanted.out.display()))),
+        None if found > 0 => Err(Diagnostic::run("a promise is broken")),
+        None => Ok(()),
+    }
 }
 
 fn read_size(text: &str) -> Result<(u32, u32), String> {
@@ -267,6 +327,7 @@ fn carry_out(command: Command) -> Result<(), Diagnostic> {
         Command::Plan { file, set } => show_plans(&file, settings(set.into_iter())?),
         Command::Stages { name } => show_stages(name.as_deref()),
         Command::Check { stage, adapter } => run_checks(stage.as_deref(), adapter.as_deref()),
+        Command::Hunt(wanted) => hunt_for(wanted),
         Command::Inspect(wanted) => inspect(wanted),
         Command::Devices => show_devices(),
     }

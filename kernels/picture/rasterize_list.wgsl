@@ -28,8 +28,12 @@ override PROVEN: bool = false;
 const LARGER_PX: f32 = 0.0625;
 /// A ray closer to a side than this part of the lengths that are multiplied is at the triangle's rim: it is beside it or not by rounding.
 const RIM: f32 = 9.5e-7;
-/// A triangle whose sides enclose a smaller angle, in radians, has no inside that a ray could tell.
-const THINNEST: f32 = 1.0e-6;
+/// Sides that enclose a smaller angle, in radians, are taken to enclose this: their corner would move beyond what f32 can clip.
+const THINNEST: f32 = 1.0e-5;
+/// Of three planes' normals, each 1 long in the picture, the triple product that encloses a cone for sure.
+const LEAST_CONE: f32 = 0.01;
+/// The rim of a triangle in whose plane the eye is, as far as rounding can tell: all of its pixels are at it.
+const ALL: f32 = 1.0e30;
 
 /// A sample relative to the eye.
 fn sample_at(key: u32) -> vec3<f32> {
@@ -57,18 +61,33 @@ fn pixels_of(point: vec3<f32>) -> vec3<f32> {
                 dot(params.view.forward, point));
 }
 
-/// By how much a corner has to move so that both of its sides are further out by `LARGER_PX`, as `pixels_of`. Its sides are planes through
-/// the eye; the corner is where the planes, moved, meet, in front of the eye or behind it.
-fn larger_by(corner: vec3<f32>, to_next: vec3<f32>, to_last: vec3<f32>) -> vec2<f32> {
+struct Larger {
+    /// By how much a corner moves, as `pixels_of`.
+    by: vec2<f32>,
+    /// The eye is so close to the triangle's plane that a larger one would be all around it: then it stays as it is.
+    is_around: bool,
+}
+
+/// A corner moves so that both of its sides are further out by `LARGER_PX`. The sides are planes through the eye; the corner is where the
+/// planes, moved, meet, in front of the eye or behind it.
+fn larger_by(corner: vec3<f32>, to_next: vec3<f32>, to_last: vec3<f32>) -> Larger {
     let next_side = cross(corner, to_next);
     let last_side = cross(to_last, corner);
     let next_length = length(next_side.xy);
     let last_length = length(last_side.xy);
-    let volume = abs(dot(next_side, to_last));
-    let depth = max(abs(corner.z), max(abs(corner.z + to_next.z), abs(corner.z + to_last.z)));
+    let volume = dot(next_side, to_last);
+    let depths = vec3(corner.z, corner.z + to_next.z, corner.z + to_last.z);
+    let deepest = max(abs(depths.x), max(abs(depths.y), abs(depths.z)));
     let shift = next_length * vec2(last_side.y, -last_side.x) - last_length * vec2(next_side.y, -next_side.x);
-    let is_thin = volume * depth <= THINNEST * next_length * last_length;
-    return select(LARGER_PX * shift / volume, vec2(0.0), is_thin);
+    let thinnest = max(THINNEST * next_length * last_length / deepest, 1.0e-30);
+    // the moved planes still enclose a cone, which they always do if all of it is in front of the eye
+    let far_side = cross(corner + to_next, to_last - to_next);
+    let out = vec3(0.0, 0.0, sign(volume) * LARGER_PX);
+    let next_out = next_side / next_length + out;
+    let last_out = last_side / last_length + out;
+    let far_out = far_side / length(far_side.xy) + out;
+    let is_around = !all(depths > vec3(0.0)) && !(sign(volume) * dot(next_out, cross(far_out, last_out)) > LEAST_CONE);
+    return Larger(select(LARGER_PX * shift / max(abs(volume), thinnest), vec2(0.0), is_around), is_around);
 }
 
 @vertex
@@ -81,16 +100,21 @@ fn draw(@builtin(vertex_index) index: u32) -> Listed {
     // triangles that share a corner have the same bits there
     let world = select(select(c, b, which == vec3(1u)), a, which == vec3(0u));
     var view = vec3(dot(params.view.right, world), dot(params.view.up, world), dot(params.view.forward, world));
+    var is_around = false;
     if PROVEN {
         let next = select(select(a, c, which == vec3(1u)), b, which == vec3(0u));
         let last = select(select(b, a, which == vec3(1u)), c, which == vec3(0u));
-        let larger = larger_by(pixels_of(world), pixels_of(next - world), pixels_of(last - world)) / params.view.focal_px;
-        view += vec3(larger, 0.0);
+        let larger = larger_by(pixels_of(world), pixels_of(next - world), pixels_of(last - world));
+        view += vec3(larger.by / params.view.focal_px, 0.0);
+        is_around = larger.is_around;
     }
     let plane = plane_of(a, b - a, c - a);
     let depths = vec3(dot(params.view.forward, a), dot(params.view.forward, b), dot(params.view.forward, c));
-    return Listed(vec4(view.xy / params.view.half_tan, params.near_m, view.z), side_of(b, c - b, plane.w),
-                  side_of(c, a - c, plane.w), side_of(a, b - a, plane.w), plane, depths);
+    // on which side of the triangle an eye in its plane is, and with it what is inside, is not known
+    let reach = max(length(a), max(length(b), length(c)));
+    let is_known = !is_around && abs(plane.w) > RIM * length(plane.xyz) * reach;
+    return Listed(vec4(view.xy / params.view.half_tan, params.near_m, view.z), side_of(b, c - b, plane.w, is_known),
+                  side_of(c, a - c, plane.w, is_known), side_of(a, b - a, plane.w, is_known), plane, depths);
 }
 
 fn plane_of(a: vec3<f32>, to_b: vec3<f32>, to_c: vec3<f32>) -> vec4<f32> {
@@ -99,8 +123,9 @@ fn plane_of(a: vec3<f32>, to_b: vec3<f32>, to_c: vec3<f32>) -> vec4<f32> {
 }
 
 /// The plane through the eye and a side.
-fn side_of(corner: vec3<f32>, to_next: vec3<f32>, volume: f32) -> vec4<f32> {
-    return vec4(sign(volume) * cross(corner, to_next), RIM * length(corner) * length(to_next));
+fn side_of(corner: vec3<f32>, to_next: vec3<f32>, volume: f32, is_known: bool) -> vec4<f32> {
+    let rim = select(ALL, RIM * length(corner) * length(to_next), is_known);
+    return vec4(sign(volume) * cross(corner, to_next), rim);
 }
 
 /// Where a pixel's ray meets a triangle that was drawn there.

@@ -28,7 +28,7 @@ pub fn examples() -> Vec<&'static Example> {
 }
 
 /// The stages of a chain as they are written.
-fn stages_of(chain: &str) -> Vec<String> {
+pub fn stages_of(chain: &str) -> Vec<String> {
     let mut stages = vec![String::new()];
     let mut depth = 0;
     for letter in chain.trim_start_matches('[').trim_end_matches(']').chars().filter(|letter| !letter.is_whitespace()) {

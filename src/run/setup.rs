@@ -161,7 +161,7 @@ fn in_scene(error: &TerrainError, node: &Node) -> Diagnostic {
 
 impl Prepared {
     /// The first cell of an experiment.
-    fn first(text: String, folder: PathBuf, settings: &[Setting]) -> Result<Self, Diagnostic> {
+    pub fn first(text: String, folder: PathBuf, settings: &[Setting]) -> Result<Self, Diagnostic> {
         let experiment = Experiment::read(Source::new("setup", text), folder)?;
         let first = prepare_each(&experiment, settings)?.next();
         first.unwrap_or_else(|| Err(Diagnostic::input("this experiment has no cell")))

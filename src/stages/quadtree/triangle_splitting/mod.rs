@@ -8,7 +8,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::Chain;
-use crate::plan::product::{Blocks, List, Mesh, what};
+use crate::plan::product::{Blocks, List, Mesh, Promise, what};
 use crate::plan::spread::Part;
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -83,6 +83,8 @@ impl Stage for TriangleSplitting {
         let meaning = "three samples, 16 bits a column and a row, counterclockwise from above; level of the block";
         let triangle = chain.make("triangle", Elem::Vec4U32, &[capacity], "", meaning);
         chain.set_parts(triangle, TRIANGLE);
+        // the argument for a bound is one of a closed mesh
+        let promise = Promise { proven: promise.proven && self.split, ..promise };
         chain.offer(Mesh::List(List { triangle, count, promise: Some(promise) }));
         let kernel = chain.kernel("quadtree/triangle_splitting.wgsl")?;
         for entry in ["count", "sums", "offsets", "write"] {

@@ -1,0 +1,254 @@
+//! Looks for scenes in which a promise is broken: random terrain, eyes, chains and parameters, in small frames, until a count or a time ends it.
+//!
+//! It knows no method. Chains are the examples of the stages, and what is checked is what products promise: a surface that is drawn with
+//! a proven bound keeps it, and its mesh is closed; the ground truth is good to what it says of itself; a frame has the same bits twice, and one that
+//! remembers the frame before has those of a frame that does not. What is found is made simpler for as long as it stays broken.
+
+mod trial;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::UVec2;
+use rand::SeedableRng;
+use rand::rngs::ChaCha12Rng;
+
+use crate::check::cases;
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::scene::Surface;
+use crate::experiment::sweep;
+use crate::gpu::{Executor, Gpu};
+use crate::measure::truth::MOST_ERROR_PX;
+use crate::measure::{Measured, Seen};
+use crate::plan::product::Drawn;
+use crate::plan::{BufferId, Plan};
+use crate::run::{self, Options, Overflow, Prepared, Truth};
+use trial::Trial;
+
+/// What to look through.
+#[derive(Clone, Debug, Default)]
+pub struct Hunt {
+    pub seed: u64,
+    /// Ends after so many frames, or so much time.
+    pub frames: usize,
+    pub time: Option<Duration>,
+    /// Only chains that have this stage.
+    pub stage: Option<String>,
+    /// Elevation files to take pieces of.
+    pub dems: Vec<PathBuf>,
+}
+
+/// A broken promise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    pub promise: &'static str,
+    /// How far it is from being kept.
+    pub value: f64,
+    /// The simplest experiment that was found to break it, and the values of parameters to be set in it.
+    pub experiment: String,
+    pub settings: Vec<(String, String)>,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    pub frames: usize,
+    /// Of these, frames of a surface that is promised to keep a proven bound.
+    pub promised: usize,
+    /// Scenes that are so steep that f32 cannot cast rays to what the truth is good to.
+    pub too_steep: usize,
+    /// Trials that were no experiment, or more than the adapter can do.
+    pub refused: usize,
+}
+
+/// Tries that making one scene simpler may take.
+const MOST_TRIES: usize = 150;
+/// Where rounding moves rays by more than this part of what the truth is good to, no chain is held to it: 8 roundings to 2^-24 of the
+/// distance, each of which moves a hit by that times the slope.
+const ROUNDINGS: f64 = 8.0 / 16_777_216.0;
+
+/// Looks, and hands out what it finds, already simpler.
+pub fn hunt(
+    gpu: &Arc<Gpu>,
+    hunt: &Hunt,
+    found: &mut dyn FnMut(Found),
+    tell: &dyn Fn(&Summary),
+) -> Result<Summary, Diagnostic> {
+    let chains = chains(hunt.stage.as_deref())?;
+    let folder = tempfile::tempdir().map_err(|error| Diagnostic::run(format!("no place for files: {error}")))?;
+    let dems = hunt.dems.iter().map(|file| with_size(file)).collect::<Result<Vec<_>, _>>()?;
+    let mut dice = ChaCha12Rng::seed_from_u64(hunt.seed);
+    let begin = Instant::now();
+    let mut summary = Summary::default();
+    while summary.frames < hunt.frames && hunt.time.is_none_or(|time| begin.elapsed() < time) {
+        let trial = Trial::roll(&mut dice, &chains, &dems);
+        match judge(gpu, &trial, folder.path())? {
+            Verdict::Refused => summary.refused += 1,
+            Verdict::TooSteep => summary.too_steep += 1,
+            Verdict::Judged { broken, promised } => {
+                summary.frames += trial.views.len();
+                summary.promised += if promised { trial.views.len() } else { 0 };
+                let mut known = BTreeSet::new();
+                for broken in broken {
+                    // one of a kind and a trial is enough
+                    if known.insert(broken.promise) {
+                        found(simplest(gpu, trial.of_view(broken.view), broken, folder.path())?);
+                    }
+                }
+            }
+        }
+        tell(&summary);
+    }
+    Ok(summary)
+}
+
+/// A file, named from anywhere, with its columns and rows.
+fn with_size(file: &Path) -> Result<(PathBuf, UVec2), Diagnostic> {
+    let file = std::path::absolute(file).unwrap_or(file.to_path_buf());
+    let text = format!(
+        "Experiment(scene: (terrain: Dem(file: {file:?}, cell_m: 1), camera: Still(eye: (0, 0, 0)), viewport: (8, 8)), \
+         chains: {{\"rays\": [HeightPyramid, RayCast]}}, measure: [Time])"
+    );
+    let prepared = Prepared::first(text, PathBuf::new(), &[])?;
+    Ok((file, prepared.data.ground.lattice().last() + 1))
+}
+
+/// The stages' examples, as lists of stages.
+fn chains(stage: Option<&str>) -> Result<Vec<(Vec<String>, Option<Surface>)>, Diagnostic> {
+    let of = cases::examples().into_iter().filter(|example| example.files.is_empty());
+    let chains = of.map(|example| (cases::stages_of(example.chain), example.only_on));
+    let has =
+        |chain: &[String]| stage.is_none_or(|stage| chain.iter().any(|call| call.split('(').next() == Some(stage)));
+    let chains: Vec<_> = chains.filter(|(chain, _)| chain.len() > 1 && has(chain)).collect();
+    if chains.is_empty() {
+        return Err(Diagnostic::input(format!("no example has the stage `{}`", stage.unwrap_or_default())));
+    }
+    Ok(chains)
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Broken {
+    promise: &'static str,
+    view: usize,
+    value: f64,
+}
+
+enum Verdict {
+    Judged { broken: Vec<Broken>, promised: bool },
+    TooSteep,
+    Refused,
+}
+
+/// The simplest trial that breaks the same promise.
+fn simplest(gpu: &Arc<Gpu>, mut trial: Trial, mut broken: Broken, folder: &Path) -> Result<Found, Diagnostic> {
+    let mut tries = 0;
+    // alone, a view may keep what it broke among others: then it stays as it is
+    'simpler: while tries < MOST_TRIES {
+        for simpler in trial.simpler() {
+            tries += 1;
+            let Verdict::Judged { broken: still, .. } = judge(gpu, &simpler, folder)? else { continue };
+            if let Some(same) = still.into_iter().find(|other| other.promise == broken.promise) {
+                (trial, broken) = (simpler, same);
+                continue 'simpler;
+            }
+        }
+        break;
+    }
+    let (experiment, settings) = (trial.experiment(0), trial.settings);
+    Ok(Found { promise: broken.promise, value: broken.value, experiment, settings })
+}
+
+/// The trial's scene and chain, looking from all of its views; `None` for what is no experiment.
+fn prepare(trial: &Trial, folder: &Path) -> Option<Prepared> {
+    let setting = |(path, value): &(String, String)| sweep::read_setting(&format!("{path}={value}")).ok();
+    let settings: Vec<_> = trial.settings.iter().map(setting).collect::<Option<_>>()?;
+    let prepare = |view: usize| Prepared::first(trial.experiment(view), folder.to_path_buf(), &settings).ok();
+    let first = prepare(0)?;
+    let mut cameras = first.data.cameras().to_vec();
+    for view in 1..trial.views.len() {
+        cameras.extend_from_slice(prepare(view)?.data.cameras());
+    }
+    Some(Prepared { data: Arc::new(first.data.with_cameras(cameras)), ..first })
+}
+
+/// Draws a trial and holds it to what is promised of it.
+fn judge(gpu: &Arc<Gpu>, trial: &Trial, folder: &Path) -> Result<Verdict, Diagnostic> {
+    let Some(prepared) = prepare(trial, folder) else { return Ok(Verdict::Refused) };
+    let focal_px = prepared.data.cameras().iter().map(|camera| camera.focal_px()).fold(0.0, f64::max);
+    if focal_px * ROUNDINGS * prepared.data.ground.steepest() > MOST_ERROR_PX {
+        return Ok(Verdict::TooSteep);
+    }
+    let Ok(plan) = run::plan(&prepared, &Options::default()) else { return Ok(Verdict::Refused) };
+    let plan = Arc::new(plan);
+    let truth_plan = Arc::new(run::truth_plan(&prepared)?);
+    if gpu.check_plan(&plan).is_err() || gpu.check_plan(&truth_plan).is_err() {
+        return Ok(Verdict::Refused);
+    }
+    let mut truth = Truth::new(gpu, &truth_plan, &prepared)?;
+    let mut executor = Executor::new(gpu, &plan, &prepared.data)?;
+    executor.setup()?;
+    let promised =
+        plan.products.latest::<Drawn<BufferId>>().and_then(|drawn| drawn.promise).is_some_and(|promise| promise.proven);
+    let mut broken = Vec::new();
+    for view in 0..plan.frames {
+        executor.frame(view)?;
+        if Overflow::after_frame(&executor, &plan)?.is_some() {
+            return Ok(Verdict::Refused);
+        }
+        let buffers = read(&executor, &plan)?;
+        let truth = truth.frame(view)?;
+        let seen = Seen { plan: &plan, data: &prepared.data, frame: view, buffers: &buffers, truth: Some(&truth) };
+        let measured: Vec<Measured> = prepared
+            .measures
+            .iter()
+            .flat_map(|chosen| {
+                let mut tally = chosen.measure.begin();
+                tally.frame(&seen);
+                tally.finish().measured
+            })
+            .collect();
+        let figure = |name: &str| measured.iter().find(|figure| figure.name == name).and_then(|figure| figure.value);
+        let mut hold = |promise: &'static str, value: Option<f64>, most: f64| {
+            if let Some(value) = value.filter(|value| *value > most) {
+                broken.push(Broken { promise, view, value });
+            }
+        };
+        hold("truth", figure("truth_error_max"), MOST_ERROR_PX);
+        if promised {
+            hold("bound", figure("bound_violations"), 0.0);
+            hold("cracks", figure("cracks"), 0.0);
+            hold("pinholes", figure("pinholes"), 0.0);
+        }
+        if !same_again(gpu, &prepared, &plan, &mut executor, view, &buffers)? {
+            hold("same bits", Some(1.0), 0.0);
+        }
+    }
+    Ok(Verdict::Judged { broken, promised })
+}
+
+fn read(executor: &Executor, plan: &Plan) -> Result<BTreeMap<BufferId, Vec<u8>>, Diagnostic> {
+    plan.outputs.iter().map(|&id| Ok((id, executor.read(id)?))).collect()
+}
+
+/// Whether a frame has the bits that it had: drawn again, or, if it remembers the one before, drawn by one that has seen nothing.
+fn same_again(
+    gpu: &Arc<Gpu>,
+    prepared: &Prepared,
+    plan: &Arc<Plan>,
+    executor: &mut Executor,
+    view: usize,
+    before: &BTreeMap<BufferId, Vec<u8>>,
+) -> Result<bool, Diagnostic> {
+    let Some(drawn) = plan.products.latest::<Drawn<BufferId>>() else { return Ok(true) };
+    let again = if plan.remembers() {
+        let mut fresh = Executor::new(gpu, plan, &prepared.data)?;
+        fresh.setup()?;
+        fresh.frame(view)?;
+        fresh.read(drawn.distance)?
+    } else {
+        executor.frame(view)?;
+        executor.read(drawn.distance)?
+    };
+    Ok(before.get(&drawn.distance).is_none_or(|bytes| *bytes == again))
+}
