@@ -114,13 +114,16 @@ fn with_size(file: &Path) -> Result<(PathBuf, UVec2), Diagnostic> {
     Ok((file, prepared.data.ground.lattice().last() + 1))
 }
 
+/// The stages of an example, and the surface that it is only for.
+type Known = (Vec<String>, Option<Surface>);
+
 /// The stages' examples, as lists of stages.
-fn chains(stage: Option<&str>) -> Result<Vec<(Vec<String>, Option<Surface>)>, Diagnostic> {
+fn chains(stage: Option<&str>) -> Result<Vec<Known>, Diagnostic> {
     let of = cases::examples().into_iter().filter(|example| example.files.is_empty());
     let chains = of.map(|example| (cases::stages_of(example.chain), example.only_on));
     let has =
         |chain: &[String]| stage.is_none_or(|stage| chain.iter().any(|call| call.split('(').next() == Some(stage)));
-    let chains: Vec<_> = chains.filter(|(chain, _)| chain.len() > 1 && has(chain)).collect();
+    let chains: Vec<Known> = chains.filter(|(chain, _)| chain.len() > 1 && has(chain)).collect();
     if chains.is_empty() {
         return Err(Diagnostic::input(format!("no example has the stage `{}`", stage.unwrap_or_default())));
     }

@@ -207,7 +207,7 @@ fn vary(dice: &mut Dice, chain: &[String]) -> Vec<(String, String)> {
 
 impl Trial {
     /// `chains` are those that can be drawn, each with the surface that it is only for.
-    pub fn roll(dice: &mut Dice, chains: &[(Vec<String>, Option<Surface>)], dems: &[(PathBuf, UVec2)]) -> Self {
+    pub fn roll(dice: &mut Dice, chains: &[super::Known], dems: &[(PathBuf, UVec2)]) -> Self {
         let terrain = Terrain::roll(dice, dems);
         let (mut chain, only_on) = one_of(dice, chains);
         let surface = only_on.unwrap_or_else(|| one_of(dice, &[Surface::Triangles, Surface::Bilinear]));
