@@ -29,6 +29,9 @@ impl Triangles {
             let is_open = is_close || !self.has_derivatives(frame, pixel, number);
             return (distance, if is_open { (f64::NAN, f64::INFINITY) } else { error });
         }
+        if hit.is_shared {
+            return (hit.distance, (f64::NAN, f64::INFINITY));
+        }
         // perspective-correct interpolation is linear on the triangle
         let [right, down, corner] = frame.camera.pixel_basis();
         let ray = (corner + right * pixel.x + down * pixel.y).normalize();

@@ -35,6 +35,8 @@ pub(super) struct Hit {
     /// With its bound; NaN for nothing.
     pub(super) distance: (f64, f64),
     pub(super) triangle: Option<usize>,
+    /// A rasterizer that moves corners may see another triangle here, whose distance is hardly another.
+    pub(super) is_shared: bool,
 }
 
 impl Triangles {
@@ -132,15 +134,17 @@ impl Triangles {
                 _ => {}
             }
         }
+        let mut is_shared = false;
         for (distance, off) in doubtful {
             if distance < value + bound {
+                is_shared = true;
                 // seen or not, the answer is one of the two; far apart, nothing can be said
                 let apart = (value - distance).abs();
                 bound = if apart < 0.02 * distance { bound.max(off) + apart } else { f64::INFINITY };
             }
         }
         let value = if value.is_infinite() { f64::NAN } else { value };
-        Hit { distance: (value, bound), triangle: nearest }
+        Hit { distance: (value, bound), triangle: nearest, is_shared }
     }
 
     /// How far inside a triangle a pixel is, in pixels; negative beside it.
