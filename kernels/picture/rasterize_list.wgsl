@@ -4,7 +4,7 @@
 //!include ground
 //!include lib/beside.wgsl
 // A list of triangles between samples to the pixels it covers. Each fragment intersects its pixel's ray with the plane of its triangle,
-// which comes with the first vertex and is not interpolated, so distances do not depend on how a GPU interpolates.
+// whose corners come with the first vertex and are not interpolated, so distances do not depend on how a GPU interpolates.
 //
 // A rasterizer moves corners to a grid of its own, and a near triangle can lose a pixel at its silhouette by that. What is behind it can be
 // anything. A mesh with a bound is therefore drawn a little larger than it is, and the ray decides which pixels are a triangle's.
@@ -42,17 +42,13 @@ fn sample_at(key: u32) -> vec3<f32> {
     return vec3(ground, relative_height(params.terrain, ground_height(sample)));
 }
 
-/// A triangle of a list, as the planes that decide what a ray from the eye meets. Next to its side opposite to a corner, `ray . xyz` is the
-/// weight of that corner, positive inside, and at the triangle's rim if it is not more than w times the ray's length.
+/// A triangle of a list: a corner, and the other two from there. Three vectors, since a rasterizer pays for every one. In w is how wide the
+/// rim is along the side opposite to each corner, as a part of the ray's length; see `meet`.
 struct Listed {
     @builtin(position) position: vec4<f32>,
-    @location(0) @interpolate(flat, first) side_a: vec4<f32>,
-    @location(1) @interpolate(flat, first) side_b: vec4<f32>,
-    @location(2) @interpolate(flat, first) side_c: vec4<f32>,
-    /// Its own plane: normal, and the normal times a corner.
-    @location(3) @interpolate(flat, first) plane: vec4<f32>,
-    /// Of its corners, along the view direction.
-    @location(4) @interpolate(flat, first) depths: vec3<f32>,
+    @location(0) @interpolate(flat, first) a: vec4<f32>,
+    @location(1) @interpolate(flat, first) to_b: vec4<f32>,
+    @location(2) @interpolate(flat, first) to_c: vec4<f32>,
 }
 
 /// Along the picture's axes, relative to the eye: pixels at a distance of 1, pixels at a distance of 1, and metres.
@@ -61,8 +57,9 @@ fn pixels_of(point: vec3<f32>) -> vec3<f32> {
                 dot(params.view.forward, point));
 }
 
+/// How a triangle is drawn larger, seen from one of its corners.
 struct Larger {
-    /// By how much a corner moves, as `pixels_of`.
+    /// By how much the corner moves, as `pixels_of`.
     by: vec2<f32>,
     /// The eye is so close to the triangle's plane that a larger one would be all around it: then it stays as it is.
     is_around: bool,
@@ -70,9 +67,10 @@ struct Larger {
 
 /// A corner moves so that both of its sides are further out by `LARGER_PX`. The sides are planes through the eye; the corner is where the
 /// planes, moved, meet, in front of the eye or behind it.
-fn larger_by(corner: vec3<f32>, to_next: vec3<f32>, to_last: vec3<f32>) -> Larger {
+fn larger_from(corner: vec3<f32>, to_next: vec3<f32>, to_last: vec3<f32>) -> Larger {
     let next_side = cross(corner, to_next);
     let last_side = cross(to_last, corner);
+    let far_side = cross(corner + to_next, to_last - to_next);
     let next_length = length(next_side.xy);
     let last_length = length(last_side.xy);
     let volume = dot(next_side, to_last);
@@ -81,12 +79,9 @@ fn larger_by(corner: vec3<f32>, to_next: vec3<f32>, to_last: vec3<f32>) -> Large
     let shift = next_length * vec2(last_side.y, -last_side.x) - last_length * vec2(next_side.y, -next_side.x);
     let thinnest = max(THINNEST * next_length * last_length / deepest, 1.0e-30);
     // the moved planes still enclose a cone, which they always do if all of it is in front of the eye
-    let far_side = cross(corner + to_next, to_last - to_next);
     let out = vec3(0.0, 0.0, sign(volume) * LARGER_PX);
-    let next_out = next_side / next_length + out;
-    let last_out = last_side / last_length + out;
-    let far_out = far_side / length(far_side.xy) + out;
-    let is_around = !all(depths > vec3(0.0)) && !(sign(volume) * dot(next_out, cross(far_out, last_out)) > LEAST_CONE);
+    let cone = dot(next_side / next_length + out, cross(far_side / length(far_side.xy) + out, last_side / last_length + out));
+    let is_around = min(depths.x, min(depths.y, depths.z)) <= 0.0 && !(sign(volume) * cone > LEAST_CONE);
     return Larger(select(LARGER_PX * shift / max(abs(volume), thinnest), vec2(0.0), is_around), is_around);
 }
 
@@ -100,32 +95,22 @@ fn draw(@builtin(vertex_index) index: u32) -> Listed {
     // triangles that share a corner have the same bits there
     let world = select(select(c, b, which == vec3(1u)), a, which == vec3(0u));
     var view = vec3(dot(params.view.right, world), dot(params.view.up, world), dot(params.view.forward, world));
-    var is_around = false;
+    var rim = vec3(0.0);
     if PROVEN {
-        let next = select(select(a, c, which == vec3(1u)), b, which == vec3(0u));
-        let last = select(select(b, a, which == vec3(1u)), c, which == vec3(0u));
-        let larger = larger_by(pixels_of(world), pixels_of(next - world), pixels_of(last - world));
+        let next = select(select(a, c, which == vec3(1u)), b, which == vec3(0u)) - world;
+        let last = select(select(b, a, which == vec3(1u)), c, which == vec3(0u)) - world;
+        let larger = larger_from(pixels_of(world), pixels_of(next), pixels_of(last));
         view += vec3(larger.by / params.view.focal_px, 0.0);
-        is_around = larger.is_around;
+        // on which side of the triangle an eye in its plane is, and with it what is inside, is not known
+        let squares = vec3(dot(a, a), dot(b, b), dot(c, c));
+        let normal = cross(next, last);
+        let reach = sqrt(max(squares.x, max(squares.y, squares.z)));
+        let is_known = !larger.is_around && abs(dot(normal, world)) > RIM * length(normal) * reach;
+        let sides = vec3(dot(c - b, c - b), dot(a - c, a - c), dot(b - a, b - a));
+        rim = select(vec3(ALL), RIM * sqrt(squares.yzx * sides), is_known);
     }
-    let plane = plane_of(a, b - a, c - a);
-    let depths = vec3(dot(params.view.forward, a), dot(params.view.forward, b), dot(params.view.forward, c));
-    // on which side of the triangle an eye in its plane is, and with it what is inside, is not known
-    let reach = max(length(a), max(length(b), length(c)));
-    let is_known = !is_around && abs(plane.w) > RIM * length(plane.xyz) * reach;
-    return Listed(vec4(view.xy / params.view.half_tan, params.near_m, view.z), side_of(b, c - b, plane.w, is_known),
-                  side_of(c, a - c, plane.w, is_known), side_of(a, b - a, plane.w, is_known), plane, depths);
-}
-
-fn plane_of(a: vec3<f32>, to_b: vec3<f32>, to_c: vec3<f32>) -> vec4<f32> {
-    let normal = cross(to_b, to_c);
-    return vec4(normal, dot(normal, a));
-}
-
-/// The plane through the eye and a side.
-fn side_of(corner: vec3<f32>, to_next: vec3<f32>, volume: f32, is_known: bool) -> vec4<f32> {
-    let rim = select(ALL, RIM * length(corner) * length(to_next), is_known);
-    return vec4(sign(volume) * cross(corner, to_next), rim);
+    let position = vec4(view.xy / params.view.half_tan, params.near_m, view.z);
+    return Listed(position, vec4(a, rim.x), vec4(b - a, rim.y), vec4(c - a, rim.z));
 }
 
 /// Where a pixel's ray meets a triangle that was drawn there.
@@ -139,13 +124,20 @@ struct Met {
 }
 
 fn meet(ray: vec3<f32>, drawn: Listed) -> Met {
-    let weights = vec3(dot(ray, drawn.side_a.xyz), dot(ray, drawn.side_b.xyz), dot(ray, drawn.side_c.xyz));
-    let depths = drawn.depths;
+    let a = drawn.a.xyz;
+    let to_b = drawn.to_b.xyz;
+    let to_c = drawn.to_c.xyz;
+    let normal = cross(to_b, to_c);
+    let volume = dot(normal, a);
+    // which side of the planes through the eye and an edge the ray is on: weights of the corners a, b, c
+    let weights = sign(volume) * vec3(dot(ray, cross(a + to_b, to_c - to_b)), -dot(ray, cross(a, to_c)), dot(ray, cross(a, to_b)));
+    let depth = dot(params.view.forward, a);
+    let depths = vec3(depth, depth + dot(params.view.forward, to_b), depth + dot(params.view.forward, to_c));
     let nearest = max(min(depths.x, min(depths.y, depths.z)), 0.0);
     let farthest = max(depths.x, max(depths.y, depths.z));
-    let met = drawn.plane.w / dot(drawn.plane.xyz, ray);
+    let met = volume / dot(normal, ray);
     if PROVEN {
-        let rim = length(ray) * vec3(drawn.side_a.w, drawn.side_b.w, drawn.side_c.w);
+        let rim = length(ray) * vec3(drawn.a.w, drawn.to_b.w, drawn.to_c.w);
         let beside = !all(weights > rim);
         return Met(clamp(select(met, nearest, beside), nearest, farthest), beside, any(weights < -rim));
     }
