@@ -1,5 +1,6 @@
 //! The command line; what it prints goes through `output`.
 
+mod arguments;
 mod output;
 mod threads;
 
@@ -12,7 +13,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::{Parser, Subcommand};
+use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use lodlab::check;
@@ -28,154 +29,11 @@ use lodlab::report::table;
 use lodlab::run::{self, Event, Options, Outcome};
 use lodlab::{measure, stages};
 
+use arguments::{Cli, Command, Hunting, Inspect};
+
 /// Prints a line to standard output.
 macro_rules! say {
     ($($what:tt)*) => { output::say(format_args!($($what)*)) };
-}
-
-/// Experiments with GPU terrain level of detail: error against run time.
-#[derive(Parser)]
-#[command(version, about)]
-struct Cli {
-    #[command(subcommand)]
-    command: Command,
-}
-
-#[derive(Subcommand)]
-enum Command {
-    /// Runs experiments; finished cells are not run again
-    Run {
-        #[arg(required = true)]
-        files: Vec<PathBuf>,
-        /// Sets a parameter: chain.Stage.field=value, *.Stage.field=value, scene.field=value
-        #[arg(long = "set", value_name = "PATH=VALUE")]
-        set: Vec<String>,
-        /// Folder for the results [default: out/NAME for each experiment]
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-        /// The adapter whose name contains this
-        #[arg(long, value_name = "NAME")]
-        adapter: Option<String>,
-        /// Frames of the camera path, instead of what the file says
-        #[arg(long, value_name = "N")]
-        frames: Option<u32>,
-        /// Writes a buffer of every frame as .npy: as the frame leaves it, or as it is after a step (a stage, a label, or STAGE/LABEL)
-        #[arg(long, value_name = "BUFFER[@STEP]")]
-        dump: Vec<String>,
-        /// Puts a look of a buffer into the page, named as for --dump; of the frame in the middle of the path
-        #[arg(long, value_name = "BUFFER[@STEP]")]
-        picture: Vec<String>,
-        /// Makes these pictures of every frame
-        #[arg(long, requires = "picture")]
-        every_frame: bool,
-        /// Computes a stage in f64 on the CPU and gives its result to the kernels after it; `Stage#2` is the second of a name
-        #[arg(long, value_name = "STAGE")]
-        on_cpu: Vec<String>,
-        /// Runs finished cells again
-        #[arg(long)]
-        force: bool,
-        /// Runs what the plan would leave out, too
-        #[arg(long)]
-        keep_everything: bool,
-        /// Ends the run when the device works on one submission, or its driver on one kernel, for longer than that
-        #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(1..))]
-        patience: u32,
-    },
-    /// Shows what would run, what is left out and why, buffers and bytes; needs no device
-    Plan {
-        file: PathBuf,
-        #[arg(long = "set", value_name = "PATH=VALUE")]
-        set: Vec<String>,
-    },
-    /// Lists stages and measures, or explains one
-    Stages { name: Option<String> },
-    /// Compares every stage with its f64 reference on ordinary and extreme input
-    Check {
-        /// Only this stage, on its own examples
-        stage: Option<String>,
-        /// The adapter whose name contains this [default: every adapter]
-        #[arg(long, value_name = "NAME")]
-        adapter: Option<String>,
-    },
-    /// Looks for scenes in which a promise is broken (a proven bound, a closed mesh, the truth, the same bits twice), and writes what it finds
-    Hunt(Hunting),
-    /// Shows every buffer of an experiment in a window; without a file, the experiments that ship
-    Inspect(Inspect),
-    /// Lists the adapters
-    Devices,
-}
-
-#[derive(clap::Args)]
-struct Hunting {
-    /// Where the random numbers begin; the same seed tries the same
-    #[arg(long, default_value_t = 0)]
-    seed: u64,
-    /// Ends after so many frames
-    #[arg(long, value_name = "N", default_value_t = 1000)]
-    frames: usize,
-    /// Ends after so much time
-    #[arg(long, value_name = "SECONDS")]
-    seconds: Option<u32>,
-    /// Only chains with this stage
-    #[arg(long, value_name = "STAGE")]
-    stage: Option<String>,
-    /// An elevation file to take pieces of, besides noise and shapes
-    #[arg(long, value_name = "FILE")]
-    dem: Vec<PathBuf>,
-    /// The adapter whose name contains this
-    #[arg(long, value_name = "NAME")]
-    adapter: Option<String>,
-    /// The folder for experiments that break a promise
-    #[arg(long, value_name = "DIR", default_value = "out/hunt")]
-    out: PathBuf,
-}
-
-#[derive(clap::Args)]
-struct Inspect {
-    /// The experiment
-    file: Option<PathBuf>,
-    /// Sets a parameter, as for run
-    #[arg(long = "set", value_name = "PATH=VALUE")]
-    set: Vec<String>,
-    /// The adapter whose name contains this
-    #[arg(long, value_name = "NAME")]
-    adapter: Option<String>,
-    /// Makes a picture of the window instead of opening one
-    #[arg(long, value_name = "OUT.png")]
-    screenshot: Option<PathBuf>,
-    /// The chain (or the cell, as tables call it) that is shown
-    #[arg(long, value_name = "CHAIN")]
-    chain: Option<String>,
-    /// A buffer to see, as `--dump` names it, or truth, truth-distance, screen-error; each has a view of its own
-    #[arg(long, value_name = "BUFFER[@STEP]")]
-    buffer: Vec<String>,
-    /// The step after which the buffers are seen
-    #[arg(long, value_name = "STEP")]
-    after: Option<String>,
-    /// The frame of the path
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    frame: usize,
-    /// How buffers are seen: image, levels, plot, table, figure, above, view, orbit
-    #[arg(long, value_name = "NAME")]
-    look: Option<String>,
-    /// The level of a pyramid
-    #[arg(long, value_name = "N")]
-    level: Option<u32>,
-    /// The lowest and the highest value that colours tell apart
-    #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true, value_parser = read_range)]
-    range: Option<(f32, f32)>,
-    /// What the buffers are compared with: f64, truth
-    #[arg(long, value_name = "WHAT")]
-    against: Option<String>,
-    /// A folder that a run has left, for the results pane
-    #[arg(long, value_name = "DIR")]
-    results: Option<PathBuf>,
-    /// Width and height of the picture
-    #[arg(long, value_name = "WxH", default_value = "1440x900", value_parser = read_size)]
-    size: (u32, u32),
-    /// Only the views, without the window around them
-    #[arg(long)]
-    only_views: bool,
 }
 
 fn hunt_for(wanted: Hunting) -> Result<(), Diagnostic> {
@@ -208,21 +66,6 @@ fn hunt_for(wanted: Hunting) -> Result<(), Diagnostic> {
         None if found > 0 => Err(Diagnostic::run("a promise is broken")),
         None => Ok(()),
     }
-}
-
-fn read_size(text: &str) -> Result<(u32, u32), String> {
-    let (width, height) = text.split_once('x').ok_or("expected WIDTHxHEIGHT")?;
-    let side = |text: &str| match text.parse() {
-        Ok(side) if (16..=8192).contains(&side) => Ok(side),
-        _ => Err(format!("`{text}` is not a side of 16 to 8192 pixels")),
-    };
-    Ok((side(width)?, side(height)?))
-}
-
-fn read_range(text: &str) -> Result<(f32, f32), String> {
-    let numbers =
-        text.split_once(',').and_then(|(low, high)| Some((low.trim().parse().ok()?, high.trim().parse().ok()?)));
-    numbers.ok_or_else(|| "expected LOW,HIGH".to_string())
 }
 
 #[cfg(not(feature = "inspector"))]

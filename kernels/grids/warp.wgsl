@@ -17,30 +17,30 @@ struct Params {
 @group(0) @binding(1) var<storage, read> importance: array<f32>;
 /// Weights of a further round along rows, and down columns.
 @group(0) @binding(2) var<storage, read_write> along_out: array<f32>;
-@group(0) @binding(14) var<storage, read_write> down_out: array<f32>;
+@group(0) @binding(3) var<storage, read_write> down_out: array<f32>;
 /// For every row of the map, where its column borders go.
-@group(0) @binding(3) var<storage, read_write> rows_out: array<f32>;
-@group(0) @binding(4) var<storage, read> warp_rows: array<f32>;
+@group(0) @binding(4) var<storage, read_write> rows_out: array<f32>;
+@group(0) @binding(5) var<storage, read> warp_rows: array<f32>;
 /// For every column of the map, where its row borders go.
-@group(0) @binding(5) var<storage, read_write> columns_out: array<f32>;
-@group(0) @binding(6) var<storage, read> warp_columns: array<f32>;
+@group(0) @binding(6) var<storage, read_write> columns_out: array<f32>;
+@group(0) @binding(7) var<storage, read> warp_columns: array<f32>;
 /// Where the corners of the importance map's cells go.
-@group(0) @binding(7) var<storage, read> map_before: array<vec2<f32>>;
-@group(0) @binding(8) var<storage, read_write> map_out: array<vec2<f32>>;
-@group(0) @binding(9) var<storage, read> warp_map: array<vec2<f32>>;
-/// How often each corner of the importance map's cells gave way.
-@group(0) @binding(15) var<storage, read_write> gave_way: array<u32>;
-/// Workgroups along x, y and z that visit all corners; none along x without a fold.
-@group(0) @binding(16) var<storage, read_write> fold_work: array<atomic<u32>>;
-/// The same for the cells of the grid; none along x if no round has folded anything. Then how much of the warp keeps every cell convex, as the
-/// bits of an f32.
-@group(0) @binding(18) var<storage, read_write> grid_work: array<atomic<u32>>;
-@group(0) @binding(11) var<storage, read> share: array<u32>;
-/// The same again; none along x if the grid has no fold.
-@group(0) @binding(19) var<storage, read_write> left_work: array<atomic<u32>>;
-@group(0) @binding(17) var<storage, read> relax_from: array<vec2<f32>>;
-@group(0) @binding(12) var<storage, read> uniform_point: array<vec2<f32>>;
-@group(0) @binding(13) var<storage, read_write> grid_point: array<vec2<f32>>;
+@group(0) @binding(8) var<storage, read> map_before: array<vec2<f32>>;
+@group(0) @binding(9) var<storage, read_write> map_out: array<vec2<f32>>;
+@group(0) @binding(10) var<storage, read> warp_map: array<vec2<f32>>;
+@group(0) @binding(11) var<storage, read> relax_from: array<vec2<f32>>;
+/// How often each of these corners gave way.
+@group(0) @binding(12) var<storage, read_write> gave_way: array<u32>;
+/// Workgroups along x, y and z that visit all corners of the map; none along x if it has no fold.
+@group(0) @binding(13) var<storage, read_write> fold_work: array<atomic<u32>>;
+/// Those that visit all cells of the grid; none along x if no round has folded anything. Then how much of the warp keeps every cell convex, as
+/// the bits of an f32.
+@group(0) @binding(14) var<storage, read_write> grid_work: array<atomic<u32>>;
+@group(0) @binding(15) var<storage, read> share: array<u32>;
+/// Those that visit them once more; none along x if the grid has no fold.
+@group(0) @binding(16) var<storage, read_write> left_work: array<atomic<u32>>;
+@group(0) @binding(17) var<storage, read> uniform_point: array<vec2<f32>>;
+@group(0) @binding(18) var<storage, read_write> grid_point: array<vec2<f32>>;
 
 /// Where the share stands in `grid_work`.
 const SHARE: u32 = 3u;
@@ -259,15 +259,14 @@ fn grid_groups() -> vec2<u32> {
     return (params.grid + 6u) / 8u;
 }
 
-/// Of the four corners of a cell, the least area as a share of what it is without warp; negative if the cell is folded.
+/// The least area at the four corners of a cell whose corners are given in cells: 1 without warp, negative if it is folded.
 fn least_area(nw: vec2<f32>, ne: vec2<f32>, sw: vec2<f32>, se: vec2<f32>) -> f32 {
     let north = min(area(ne - nw, sw - nw), area(ne - nw, se - ne));
     return min(north, min(area(se - sw, sw - nw), area(se - sw, se - ne)));
 }
 
 fn area(along: vec2<f32>, down: vec2<f32>) -> f32 {
-    let cells = vec2<f32>(params.size);
-    return turn(along * cells, down * cells);
+    return along.x * down.y - along.y * down.x;
 }
 
 /// Whether any cell folds; otherwise no workgroup of `relax` begins.
@@ -276,9 +275,11 @@ fn find_folds(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.size) {
         return;
     }
+    let cells = vec2<f32>(params.size);
     let north = id.y * (params.size.x + 1u) + id.x;
     let south = north + params.size.x + 1u;
-    if least_area(warp_map[north], warp_map[north + 1u], warp_map[south], warp_map[south + 1u]) < LEAST {
+    let least = least_area(cells * warp_map[north], cells * warp_map[north + 1u], cells * warp_map[south], cells * warp_map[south + 1u]);
+    if least < LEAST {
         atomicMax(&fold_work[0], groups().x);
         atomicMax(&grid_work[0], grid_groups().x);
     }
@@ -309,6 +310,7 @@ fn relax(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// The least area of the cells around a corner.
 fn least_around(corner: vec2<u32>) -> f32 {
+    let cells = vec2<f32>(params.size);
     var least = 1.0;
     for (var i = 0u; i < 4u; i++) {
         // before the first row and column numbers are as large as they can be
@@ -316,7 +318,8 @@ fn least_around(corner: vec2<u32>) -> f32 {
         if all(cell < params.size) {
             let north = cell.y * (params.size.x + 1u) + cell.x;
             let south = north + params.size.x + 1u;
-            least = min(least, least_area(relax_from[north], relax_from[north + 1u], relax_from[south], relax_from[south + 1u]));
+            least = min(least, least_area(cells * relax_from[north], cells * relax_from[north + 1u], cells * relax_from[south],
+                                          cells * relax_from[south + 1u]));
         }
     }
     return least;
@@ -344,18 +347,13 @@ fn find_grid_folds(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy + 1u >= params.grid) {
         return;
     }
-    let along = vec2(1.0, 0.0) + grid_moved(id.xy + vec2(1u, 0u)) - grid_moved(id.xy);
-    let down = vec2(0.0, 1.0) + grid_moved(id.xy + vec2(0u, 1u)) - grid_moved(id.xy);
-    let far_along = vec2(1.0, 0.0) + grid_moved(id.xy + 1u) - grid_moved(id.xy + vec2(0u, 1u));
-    let far_down = vec2(0.0, 1.0) + grid_moved(id.xy + 1u) - grid_moved(id.xy + vec2(1u, 0u));
-    let north = min(turn(along, down), turn(along, far_down));
-    if min(north, min(turn(far_along, down), turn(far_along, far_down))) < LEAST {
+    let place = vec2<f32>(id.xy);
+    let nw = place + grid_moved(id.xy);
+    let ne = place + vec2(1.0, 0.0) + grid_moved(id.xy + vec2(1u, 0u));
+    let sw = place + vec2(0.0, 1.0) + grid_moved(id.xy + vec2(0u, 1u));
+    if least_area(nw, ne, sw, place + 1.0 + grid_moved(id.xy + 1u)) < LEAST {
         atomicMax(&left_work[0], grid_groups().x);
     }
-}
-
-fn turn(along: vec2<f32>, down: vec2<f32>) -> f32 {
-    return along.x * down.y - along.y * down.x;
 }
 
 /// Then the whole warp goes only as far as none does.

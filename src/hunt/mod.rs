@@ -21,7 +21,7 @@ use crate::experiment::scene::Surface;
 use crate::experiment::sweep;
 use crate::gpu::{Executor, Gpu};
 use crate::measure::truth::MOST_ERROR_PX;
-use crate::measure::{Measured, Seen};
+use crate::measure::{Chosen, Measured, Seen, TruthFrame};
 use crate::plan::product::Drawn;
 use crate::plan::{BufferId, Plan};
 use crate::run::{self, Options, Overflow, Prepared, Truth};
@@ -64,8 +64,8 @@ pub struct Summary {
 
 /// Tries that making one scene simpler may take.
 const MOST_TRIES: usize = 150;
-/// Where rounding moves rays by more than this part of what the truth is good to, no chain is held to it: 8 roundings to 2^-24 of the
-/// distance, each of which moves a hit by that times the slope.
+/// By how much rounding can move a ray's hit, in pixels, for each pixel of the focal length and each metre that the ground rises in a metre:
+/// eight roundings to 2^-24 of the distance. Where that is more than the truth is good to, no chain is held to its promise.
 const ROUNDINGS: f64 = 8.0 / 16_777_216.0;
 
 /// Looks, and hands out what it finds, already simpler.
@@ -201,33 +201,44 @@ fn judge(gpu: &Arc<Gpu>, trial: &Trial, folder: &Path) -> Result<Verdict, Diagno
         }
         let buffers = read(&executor, &plan)?;
         let truth = truth.frame(view)?;
-        let seen = Seen { plan: &plan, data: &prepared.data, frame: view, buffers: &buffers, truth: Some(&truth) };
-        let measured: Vec<Measured> = prepared
-            .measures
-            .iter()
-            .flat_map(|chosen| {
-                let mut tally = chosen.measure.begin();
-                tally.frame(&seen);
-                tally.finish().measured
-            })
-            .collect();
-        let figure = |name: &str| measured.iter().find(|figure| figure.name == name).and_then(|figure| figure.value);
-        let mut hold = |promise: &'static str, value: Option<f64>, most: f64| {
-            if let Some(value) = value.filter(|value| *value > most) {
-                broken.push(Broken { promise, view, value });
-            }
-        };
-        hold("truth", figure("truth_error_max"), MOST_ERROR_PX);
-        if promised {
-            hold("bound", figure("bound_violations"), 0.0);
-            hold("cracks", figure("cracks"), 0.0);
-            hold("pinholes", figure("pinholes"), 0.0);
-        }
+        let figures = figures(&prepared, &plan, view, &buffers, &truth);
+        broken.extend(broken_by(&figures, promised).map(|(promise, value)| Broken { promise, view, value }));
         if !same_again(gpu, &prepared, &plan, &mut executor, view, &buffers)? {
-            hold("same bits", Some(1.0), 0.0);
+            broken.push(Broken { promise: "same bits", view, value: 1.0 });
         }
     }
     Ok(Verdict::Judged { broken, promised })
+}
+
+/// What the trial's measures say of one view.
+fn figures(
+    prepared: &Prepared,
+    plan: &Plan,
+    view: usize,
+    buffers: &BTreeMap<BufferId, Vec<u8>>,
+    truth: &TruthFrame,
+) -> Vec<Measured> {
+    let seen = Seen { plan, data: &prepared.data, frame: view, buffers, truth: Some(truth) };
+    let measured = |chosen: &Chosen| {
+        let mut tally = chosen.measure.begin();
+        tally.frame(&seen);
+        tally.finish().measured
+    };
+    prepared.measures.iter().flat_map(measured).collect()
+}
+
+/// The promises that figures say are broken, and by how much. Of a surface without a proven bound, only the truth is held to something.
+fn broken_by(figures: &[Measured], promised: bool) -> impl Iterator<Item = (&'static str, f64)> {
+    let limits = [
+        ("truth", "truth_error_max", MOST_ERROR_PX),
+        ("bound", "bound_violations", 0.0),
+        ("cracks", "cracks", 0.0),
+        ("pinholes", "pinholes", 0.0),
+    ];
+    limits.into_iter().take(if promised { 4 } else { 1 }).filter_map(|(promise, name, most)| {
+        let value = figures.iter().find(|figure| figure.name == name)?.value?;
+        (value > most).then_some((promise, value))
+    })
 }
 
 fn read(executor: &Executor, plan: &Plan) -> Result<BTreeMap<BufferId, Vec<u8>>, Diagnostic> {

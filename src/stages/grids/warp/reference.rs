@@ -315,7 +315,7 @@ impl Corners {
         let [nw, ne, sw, se] = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| self.corner(x, y));
         let cells = self.size.as_dvec2();
         let off = [nw.1, ne.1, sw.1, se.1].into_iter().fold(0.0, f64::max);
-        let off = (2.0 * off + 2.0 * EPSILON) * f64::from(self.size.max_element());
+        let off = (2.0 * off + 4.0 * EPSILON) * f64::from(self.size.max_element());
         let (mut low, mut high) = (f64::INFINITY, f64::INFINITY);
         for along in [(ne.0 - nw.0) * cells, (se.0 - sw.0) * cells] {
             for down in [(sw.0 - nw.0) * cells, (se.0 - ne.0) * cells] {
