@@ -80,15 +80,18 @@ fn hit_in_foreground(ray: Ray, number: i32, t0: f32, t1: f32, side: f32) -> f32 
     if BILINEAR {
         let f0 = side * above_foreground(ray, t0, number);
         let f1 = side * above_foreground(ray, t1, number);
-        let a = -side * first.w * ray.direction.x * ray.direction.y * (t1 - t0) * (t1 - t0);
-        return select(hit_in_patch(a, t0, t1, f0, f1), t0, f0 <= 0.0);
+        // from the eye on, and not from where the ray comes in: the hit can be much closer to the eye than the cell is large
+        let root = first_root(-side * first.w * ray.direction.x * ray.direction.y, side * rise(ray, first), -side * first.x, t0, t1);
+        return select(select(root, select(FAR, t1, f1 <= 0.0), root == FAR), t0, f0 <= 0.0);
     }
     let second = params.foreground.south_east[number];
     // to the south-east of the diagonal is what goes beyond its place
     let along = ray.direction.x + ray.direction.y;
     let meets = first.w / along;
-    let tm = select(t1, meets, meets > t0 && meets < t1);
-    let begins_north_west = along * (0.5 * (t0 + tm)) <= first.w;
+    let crosses = meets > t0 && meets < t1;
+    let tm = select(t1, meets, crosses);
+    // a ray that comes in at a corner is on the diagonal as far as f32 can tell: where it goes says what it leaves
+    let begins_north_west = select(along * (0.5 * (t0 + t1)) <= first.w, along > 0.0, crosses);
     let hit = hit_plane(ray, select(second, first, vec4(begins_north_west)), t0, tm, side);
     if hit < FAR || tm == t1 {
         return hit;
@@ -145,26 +148,21 @@ fn hit_in_cell(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
 
 /// Along the ray, ray minus patch is a parabola a s^2 + b s + f0 that ends in f1 at s = 1; its smallest root in [0, 1] is the hit.
 fn hit_in_patch(a: f32, t0: f32, t1: f32, f0: f32, f1: f32) -> f32 {
-    let b = f1 - f0 - a;
-    let discriminant = b * b - 4.0 * a * f0;
-    if discriminant < 0.0 {
-        return select(FAR, t1, f1 <= 0.0);
-    }
-    // the form that does not cancel; with f0 > 0 a root in front of the ray has b < 0 or a < 0
-    let q = -0.5 * (b + select(-1.0, 1.0, b >= 0.0) * sqrt(discriminant));
-    let r0 = select(f0 / q, FAR, q == 0.0);
-    let r1 = select(q / a, FAR, a == 0.0);
-    var root = FAR;
-    if r0 >= 0.0 && r0 <= 1.0 {
-        root = r0;
-    }
-    if r1 >= 0.0 && r1 <= 1.0 {
-        root = min(root, r1);
-    }
-    if root <= 1.0 {
-        return t0 + (t1 - t0) * root;
-    }
-    return select(FAR, t1, f1 <= 0.0);
+    let root = first_root(a, f1 - f0 - a, f0, 0.0, 1.0);
+    return select(t0 + (t1 - t0) * root, select(FAR, t1, f1 <= 0.0), root == FAR);
+}
+
+/// Below this, a bend is none: what is made of it could be too small for f32, and two such numbers have any quotient.
+const STRAIGHT: f32 = 1e-30;
+
+/// The smallest root of a s^2 + b s + c in a range, in the form that does not cancel; FAR if there is none.
+fn first_root(a: f32, b: f32, c: f32, low: f32, high: f32) -> f32 {
+    let discriminant = b * b - 4.0 * a * c;
+    let q = -0.5 * (b + select(-1.0, 1.0, b >= 0.0) * sqrt(max(discriminant, 0.0)));
+    let r0 = select(c / q, FAR, q == 0.0);
+    let r1 = select(q / a, FAR, abs(a) < STRAIGHT);
+    let root = min(select(FAR, r0, r0 >= low && r0 <= high), select(FAR, r1, r1 >= low && r1 <= high));
+    return select(root, FAR, discriminant < 0.0);
 }
 
 fn bound(level: u32, node: vec2<i32>, side: f32) -> f32 {
