@@ -41,9 +41,10 @@ fn with_no_error_allowed_all_cells_are_there() {
     // the fewest, a row of them, and sizes that are no power of two
     for (columns, rows) in [(2, 2), (2, 9), (3, 2), (17, 17), (37, 53), (129, 65)] {
         let terrain = format!("Noise(kind: Fbm, seed: 2, size: ({columns}, {rows}), cell_m: 10, height_m: (0, 90))");
-        let down = scene(&terrain, "Still(eye: (300, 300, 9000), pitch_deg: -90)");
-        for rule in RULES {
-            let ran = Ran::chain(&gpu, &down, &chain(rule, "threshold_px: 0, cull: false"));
+        let down = scene(&terrain, "Still(eye: (300, 300, 900), pitch_deg: -90)");
+        // none can be promised, but all but none
+        for (rule, threshold_px) in [("Paper", "0"), ("Proven", "0.0005")] {
+            let ran = Ran::chain(&gpu, &down, &chain(rule, &format!("threshold_px: {threshold_px}, cull: false")));
             let all: BTreeSet<(u32, u32, u32)> =
                 (0..rows - 1).flat_map(|y| (0..columns - 1).map(move |x| (0, x, y))).collect();
             let found = leaves(&ran);
@@ -87,7 +88,7 @@ fn a_flat_terrain_is_one_block() {
     let gpu = Gpu::open(None).unwrap();
     for (name, camera) in VIEWS {
         let flat = scene("Shape(kind: Flat, size: (100, 77), height_m: (40, 40))", camera);
-        for (rule, threshold_px) in [("Paper", 0.0), ("Proven", 0.0), ("Paper", 1.0), ("Proven", 1.0)] {
+        for (rule, threshold_px) in [("Paper", 0.0), ("Proven", 0.001), ("Paper", 1.0), ("Proven", 1.0)] {
             let ran = Ran::chain(&gpu, &flat, &chain(rule, &format!("threshold_px: {threshold_px}, cull: false")));
             assert_eq!(leaves(&ran), [(7, 0, 0)], "{rule}, {name}");
         }
@@ -302,5 +303,36 @@ fn a_bound_holds_beside_cliffs() {
     ];
     for (terrain, eye, viewport) in views {
         holds(&terrain, &format!("Still(eye: {eye})"), viewport, BOUNDED);
+    }
+}
+
+/// Meshes in which pixels showed nothing: triangles beside the eye whose plane is so close to it that, drawn larger, they would be all around it,
+/// seen from below and from above; and one so large, and so close below the eye, that clipping moved its rim by a pixel.
+#[test]
+fn a_mesh_is_closed_all_around_an_eye() {
+    let views = [
+        (
+            "Noise(kind: Hybrid, seed: 98251, size: (5, 64), cell_m: (56, 1), height_m: (0, 2819), wavelength_m: 113.69404121408995, octaves: 4)",
+            "(70, -50, 0), clearance_m: 0.05, pitch_deg: -67",
+            "(64, 48), fov_deg: 60",
+        ),
+        (
+            "Noise(kind: Fbm, seed: 27477, size: (100, 32), cell_m: 1, height_m: (0, 34191), wavelength_m: 99, octaves: 1)",
+            "(109.1, -0.78044, -5000), clearance_m: 0.05, pitch_deg: 60.609",
+            "(64, 48), fov_deg: 60",
+        ),
+        (
+            "Shape(kind: Sine, size: (64, 200), cell_m: (0.40181, 0.018475), height_m: (0, 1), period_cells: 2)",
+            "(5.2638, 1.2933, -0.023458), clearance_m: 0.05, yaw_deg: 46.534, pitch_deg: 10",
+            "(64, 48), fov_deg: 60",
+        ),
+        (
+            "Shape(kind: Spike, size: (2, 33), cell_m: (253, 10501), height_m: (0, 1), period_cells: 8)",
+            "(133, 115990, 0), clearance_m: 0, yaw_deg: -156, pitch_deg: -90",
+            "(64, 48), fov_deg: 60",
+        ),
+    ];
+    for (terrain, eye, viewport) in views {
+        holds(terrain, &format!("Still(eye: {eye})"), viewport, BOUNDED);
     }
 }
