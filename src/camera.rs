@@ -40,6 +40,26 @@ impl Camera {
         f64::from(self.viewport.1) / (2.0 * self.half_tan.y)
     }
 
+    /// The most pixels that a place moves by whose height is off by a part of its distance: a metre of height at a depth of 1, on the ray
+    /// that it moves most, times the length of the longest ray.
+    pub fn most_px(&self) -> f64 {
+        let up = self.forward().z;
+        self.focal_px() * self.most_of(|ray| (ray * up - DVec3::Z).length()) * self.most_of(|ray| ray.length())
+    }
+
+    /// The largest value of a convex function of the picture's rays, which is at a corner.
+    pub fn most_of(&self, value: impl Fn(DVec3) -> f64) -> f64 {
+        let (width, height) = (f64::from(self.viewport.0), f64::from(self.viewport.1));
+        let corners = [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)];
+        corners.into_iter().map(|(x, y)| value(self.view_ray(DVec2::new(x, y)))).fold(0.0, f64::max)
+    }
+
+    /// By how much rounding in f32 can move what a ray meets, in pixels: heights and places are rounded eight times to 2^-24 of the
+    /// distance, and a place that is off is on a slope.
+    pub fn rounding_px(&self, ground: &dyn Ground) -> f64 {
+        self.most_px() * 8.0 * 2f64.powi(-24) * ground.steepest_seen().hypot(1.0)
+    }
+
     pub fn forward(&self) -> DVec3 {
         self.world_from_view.z_axis
     }

@@ -38,7 +38,8 @@ macro_rules! say {
 
 fn hunt_for(wanted: Hunting) -> Result<(), Diagnostic> {
     let time = wanted.seconds.map(|seconds| Duration::from_secs(seconds.into()));
-    let hunt = Hunt { seed: wanted.seed, frames: wanted.frames, time, stage: wanted.stage, dems: wanted.dem };
+    let Hunting { seed, frames, finds, tries, stage, dem: dems, .. } = wanted;
+    let hunt = Hunt { seed, frames, time, finds, tries, stage, dems };
     let gpu = Gpu::open(wanted.adapter.as_deref())?;
     say!("seed {} on {}", hunt.seed, gpu.summary.name);
     let bar = progress_bar();
@@ -58,9 +59,9 @@ fn hunt_for(wanted: Hunting) -> Result<(), Diagnostic> {
     };
     let summary = hunt::hunt(&gpu, &hunt, &mut note, &tell);
     bar.finish_and_clear();
-    let Summary { frames, promised, too_steep, refused } = summary?;
+    let Summary { frames, promised, in_f64, refused } = summary?;
     say!("{frames} frames, {promised} of them with a proven bound: {found} broken promises");
-    say!("({too_steep} scenes too steep for rays in f32, {refused} that are no experiment or do not fit)");
+    say!("({in_f64} scenes with a truth in f64; {refused} are no experiment, promise too much or do not fit)");
     match failure {
         Some(error) => Err(Diagnostic::run(format!("`{}` cannot be written: {error}", wanted.out.display()))),
         None if found > 0 => Err(Diagnostic::run("a promise is broken")),
@@ -329,7 +330,9 @@ fn show_plans(file: &std::path::Path, settings: Vec<Setting>) -> Result<(), Diag
     let mut places: HashMap<Rc<str>, usize> = HashMap::new();
     for prepared in run::prepare_each(&experiment, &options.settings)? {
         let prepared = prepared?;
-        let text: Rc<str> = explain(&run::plan(&prepared, &options)?).into();
+        let truth = prepared.wants_truth().then(|| run::truth_in_f64(&prepared.data)).flatten();
+        let truth = truth.map_or(String::new(), |why| format!("  {why}\n"));
+        let text: Rc<str> = (explain(&run::plan(&prepared, &options)?) + &truth).into();
         let at = *places.entry(text.clone()).or_insert(shown.len());
         if at == shown.len() {
             shown.push((text, Vec::new()));

@@ -26,7 +26,7 @@ pub use overflow::Overflow;
 
 pub use job::{Job, jobs};
 pub use setup::{Keep, Prepared, Scenes, Setup, Tap, Tapped, plan, prepare, prepare_each};
-pub use truth::{Truth, plan as truth_plan};
+pub use truth::{Truth, in_f64 as truth_in_f64, plan as truth_plan};
 
 #[derive(Clone, Debug, Default)]
 pub struct Options {
@@ -215,6 +215,9 @@ impl Sweep<'_> {
                 continue;
             }
             let job = &jobs[first];
+            if let Some(why) = job.truth.as_ref().and_then(|_| truth::in_f64(&job.prepared.data)) {
+                (self.tell)(Event::Warning(why));
+            }
             let mut truth = job.truth.as_ref().map(|plan| Truth::new(self.gpu, plan, &job.prepared)).transpose()?;
             for at in (first..jobs.len()).filter(|&at| must_run[at]) {
                 if at == first || job.shares_truth(&jobs[at]) {

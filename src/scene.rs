@@ -173,6 +173,11 @@ impl SceneData {
         }
     }
 
+    /// By how much rounding in f32 can move what a ray of these cameras meets, in pixels; see [`Camera::rounding_px`].
+    pub fn rounding_px(&self) -> f64 {
+        self.cameras().iter().map(|camera| camera.rounding_px(self.ground.as_ref())).fold(0.0, f64::max)
+    }
+
     pub fn input(&self, name: &str) -> Option<&Input> {
         self.inputs.iter().find(|input| input.name == name)
     }

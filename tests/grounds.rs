@@ -116,20 +116,25 @@ fn is_measured(ground: &dyn Ground, camera: &Camera) {
     let (width, height) = camera.viewport;
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)));
     let rays: Vec<Ray> = pixels.map(|pixel| Ray { eye_m: camera.eye_m, direction: camera.ray(pixel) }).collect();
-    let hits: Vec<f32> = rays.iter().map(|ray| cast(ground, ray).map_or(-1.0, |t| t as f32)).collect();
+    let true_m: Vec<f64> = rays.iter().map(|ray| cast(ground, ray).unwrap_or(-1.0)).collect();
+    for (ray, true_m) in rays.iter().zip(&true_m) {
+        let hit_m = ground.first_hit(ray).unwrap_or(-1.0);
+        assert!((hit_m - true_m).abs() <= 1e-9 * true_m.abs(), "{hit_m} for {true_m}");
+    }
+    let hits: Vec<f32> = true_m.iter().map(|&hit_m| hit_m as f32).collect();
     let hit = hits.iter().filter(|hit| **hit > 0.0).count();
     assert!(hit > hits.len() / 4, "{hit} of {} pixels show the ground", hits.len());
-    let exact = screen_error::frame(ground, camera, &hits, &hits, Some(0.01));
+    let exact = screen_error::frame(ground, camera, &hits, &true_m, Some(0.01));
     let worst = exact.error_px.iter().filter(|error| !error.is_nan()).fold(0.0f32, |worst, error| worst.max(*error));
     assert!(worst < 1e-2, "{worst}");
     assert_eq!(exact.broken.unwrap().pixels, 0);
     // nearer by a tenth: the true surface is under, or behind, what is shown
     let nearer: Vec<f32> = hits.iter().map(|hit| if *hit > 0.0 { 0.9 * hit } else { *hit }).collect();
-    let off = screen_error::frame(ground, camera, &nearer, &hits, None);
+    let off = screen_error::frame(ground, camera, &nearer, &true_m, None);
     assert!(off.error_px.iter().filter(|error| !error.is_nan()).all(|error| *error > 0.0));
     // nothing at all where there is ground
     let sky = vec![-1.0; hits.len()];
-    let missed = screen_error::frame(ground, camera, &sky, &hits, Some(0.5));
+    let missed = screen_error::frame(ground, camera, &sky, &true_m, Some(0.5));
     let is_sky = |(hit, error): (&f32, &f32)| error.is_nan() == (SKY.is_nan() && *hit < 0.0);
     assert!(hits.iter().zip(&missed.error_px).all(is_sky), "what should have been shown is no sky");
     // (what sticks out towards the eye sticks out of no ray: seen from above, little does)

@@ -30,8 +30,8 @@ pub const BLOCK: Block = Block {
         let axes = [camera.world_from_view.x_axis, camera.world_from_view.y_axis, forward];
         let numbers = [
             camera.focal_px(),
-            most_of(camera, |ray| ray.length()),
-            most_of(camera, |ray| (ray * forward.z - DVec3::Z).length()),
+            camera.most_of(|ray| ray.length()),
+            camera.most_of(|ray| (ray * forward.z - DVec3::Z).length()),
         ];
         for (axis, number) in axes.into_iter().zip(numbers) {
             values.add(axis.as_vec3().to_array()).add(number as f32);
@@ -48,7 +48,7 @@ pub const BLOCK: Block = Block {
 /// from the eye far away, and no eye in the air has to pay for those on foot.
 pub fn near_m(ground: &dyn Ground, camera: &Camera) -> f64 {
     let least_m = foreground::least_distance_m(ground, camera.eye_m);
-    (0.5 * least_m / most_of(camera, |ray| ray.length())).clamp(NEAREST_M, FARTHEST_M)
+    (0.5 * least_m / camera.most_of(|ray| ray.length())).clamp(NEAREST_M, FARTHEST_M)
 }
 
 const NEAREST_M: f64 = 1e-4;
@@ -59,12 +59,4 @@ pub fn sides(camera: &Camera) -> [DVec3; 4] {
     let [right, up, forward] = [camera.world_from_view.x_axis, camera.world_from_view.y_axis, camera.forward()];
     let (across, high) = (forward * camera.half_tan.x, forward * camera.half_tan.y);
     [right + across, across - right, high - up, up + high].map(DVec3::normalize)
-}
-
-/// The largest value of a convex function of the picture's rays, which is at a corner.
-pub fn most_of(camera: &Camera, value: impl Fn(DVec3) -> f64) -> f64 {
-    let [right, down, corner] = camera.pixel_basis();
-    let (width, high) = (f64::from(camera.viewport.0), f64::from(camera.viewport.1));
-    let corners = [(0.0, 0.0), (width, 0.0), (0.0, high), (width, high)].map(|(x, y)| corner + right * x + down * y);
-    corners.into_iter().map(value).fold(0.0, f64::max)
 }

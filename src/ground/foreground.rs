@@ -9,6 +9,9 @@ use crate::experiment::scene::Surface;
 /// Cells a side, around the sample nearest to the eye; `FOREGROUND` of `kernels/ground/foreground.wgsl`.
 pub const SIDE: i32 = 4;
 
+/// What is beyond these cells is at least so many cells away from the eye.
+pub const BEYOND_CELLS: f64 = 1.5;
+
 /// Kernels do without the formulas of these cells where rounding moves nothing by more than this, in pixels.
 const LITTLE_PX: f64 = 0.002;
 
@@ -46,9 +49,9 @@ fn distance_m(ground: &dyn Ground, eye_m: DVec3) -> f64 {
     ground.above_m(eye_m).abs() / steepest.hypot(1.0)
 }
 
-/// No part of the surface is closer to an eye. (What is beyond these cells is at least a cell and a half away.)
+/// No part of the surface is closer to an eye.
 pub fn least_distance_m(ground: &dyn Ground, eye_m: DVec3) -> f64 {
-    distance_m(ground, eye_m).min(1.5 * ground.lattice().cell_m.min_element())
+    distance_m(ground, eye_m).min(BEYOND_CELLS * ground.lattice().cell_m.min_element())
 }
 
 /// Whether heights above the eye that are interpolated in f32 can move a hit next to the eye by more than a little.

@@ -2,6 +2,7 @@
 //!
 //! Its other half is what kernels include, `kernels/ground/`. ARCHITECTURE says what each kind of ground has to answer.
 
+pub mod cast;
 pub mod cell;
 pub mod foreground;
 mod lattice;
@@ -71,6 +72,12 @@ pub trait Ground: Debug + Send + Sync {
     /// Where between two places on a ray the surface under it changes its formula, in no order. Between two such places it is smooth.
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64>;
 
+    /// Where a ray first meets the surface.
+    fn first_hit(&self, ray: &Ray) -> Option<f64> {
+        let part = self.stay(ray)?;
+        cast::first_hit_in(self, ray, part, cast::side(self, ray, part.0))
+    }
+
     /// Boxes that hold all of the surface, at most a few hundred.
     fn parts(&self) -> &[Part];
 
@@ -82,6 +89,12 @@ pub trait Ground: Debug + Send + Sync {
 
     /// The steepest slope of the surface anywhere, as a tangent: nowhere do its heights differ by more than this times the distance.
     fn steepest(&self) -> f64;
+
+    /// The steepest that kernels have to tell heights apart on: a slope, or how much the heights of one cell differ over the least distance
+    /// from which formulas in f32 are made for it.
+    fn steepest_seen(&self) -> f64 {
+        self.steepest()
+    }
 
     /// Everything that decides what it answers, in 32 hexadecimal digits.
     fn identity(&self) -> String;
@@ -112,6 +125,9 @@ pub trait Ground: Debug + Send + Sync {
         low == high
     }
 }
+
+/// What is off by no more than this counts as exact, in pixels.
+pub const EXACT_PX: f64 = 0.01;
 
 /// An eye that is placed less than this from the surface is moved to this height above it, so that "above or below" has an answer.
 pub const STANDING_M: f64 = 0.01;

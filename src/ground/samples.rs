@@ -5,8 +5,9 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec2, DVec3, UVec2};
 use rayon::prelude::*;
 
+use super::cast::Nodes;
 use super::cell::{Cell, bends};
-use super::{Ground, Lattice, Part, Ray};
+use super::{Ground, Lattice, Part, Ray, foreground};
 use crate::experiment::scene::Surface;
 use crate::terrain::HeightField;
 
@@ -21,8 +22,9 @@ pub struct Samples {
     surface: Surface,
     range_m: (f64, f64),
     parts: Vec<Part>,
-    /// Found when somebody asks for it.
-    steepest: OnceLock<f64>,
+    /// Found when somebody asks for it: the steepest slope, and the most that a cell's heights differ by.
+    steepest: OnceLock<(f64, f64)>,
+    nodes: OnceLock<Nodes>,
 }
 
 #[derive(Clone, Debug)]
@@ -45,8 +47,15 @@ impl Samples {
     }
 
     fn of(lattice: Lattice, heights: Heights, surface: Surface) -> Self {
-        let mut samples =
-            Self { lattice, heights, surface, range_m: (0.0, 0.0), parts: Vec::new(), steepest: OnceLock::new() };
+        let mut samples = Self {
+            lattice,
+            heights,
+            surface,
+            range_m: (0.0, 0.0),
+            parts: Vec::new(),
+            steepest: OnceLock::new(),
+            nodes: OnceLock::new(),
+        };
         let ranges = samples.ranges_of_parts();
         let low = ranges.iter().map(|(_, low, _)| *low).fold(f64::INFINITY, f64::min);
         let high = ranges.iter().map(|(_, _, high)| *high).fold(f64::NEG_INFINITY, f64::max);
@@ -89,6 +98,19 @@ impl Samples {
     fn cell(&self, at: UVec2) -> Cell {
         let height = |x, y| self.height_m(at + UVec2::new(x, y));
         Cell { nw: height(0, 0), ne: height(1, 0), sw: height(0, 1), se: height(1, 1) }
+    }
+
+    /// The steepest slope, and the most that the heights of a cell differ by.
+    fn steepest_and_rise_m(&self) -> (f64, f64) {
+        let cells = self.lattice.last();
+        let most = |a: (f64, f64), b: (f64, f64)| (a.0.max(b.0), a.1.max(b.1));
+        let of_cell = |at: UVec2| {
+            let cell = self.cell(at);
+            let (low, high) = cell.range();
+            (cell.steepest(self.lattice.cell_m, self.surface), high - low)
+        };
+        let in_row = |y| (0..cells.x).map(|x| of_cell(UVec2::new(x, y))).fold((0.0, 0.0), most);
+        *self.steepest.get_or_init(|| (0..cells.y).into_par_iter().map(in_row).reduce(|| (0.0, 0.0), most))
     }
 
     fn surface_m(&self, position_m: DVec2) -> f64 {
@@ -175,6 +197,10 @@ impl Ground for Samples {
         bends(origin, self.lattice.cells_from_world(ray.direction.truncate()), from, to)
     }
 
+    fn first_hit(&self, ray: &Ray) -> Option<f64> {
+        self.nodes.get_or_init(|| Nodes::new(self)).first_hit(self, ray)
+    }
+
     fn parts(&self) -> &[Part] {
         &self.parts
     }
@@ -193,13 +219,13 @@ impl Ground for Samples {
     }
 
     fn steepest(&self) -> f64 {
-        let cells = self.lattice.last();
-        let in_row = |y| {
-            (0..cells.x)
-                .map(|x| self.cell(UVec2::new(x, y)).steepest(self.lattice.cell_m, self.surface))
-                .fold(0.0, f64::max)
-        };
-        *self.steepest.get_or_init(|| (0..cells.y).into_par_iter().map(in_row).reduce(|| 0.0, f64::max))
+        self.steepest_and_rise_m().0
+    }
+
+    fn steepest_seen(&self) -> f64 {
+        // of a long and narrow cell, more than its slope is seen from next to it
+        let (steepest, rise_m) = self.steepest_and_rise_m();
+        steepest.max(rise_m / (foreground::BEYOND_CELLS * self.lattice.cell_m.min_element()))
     }
 
     fn identity(&self) -> String {

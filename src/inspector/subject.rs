@@ -288,8 +288,9 @@ impl Subject {
         let error_px = Buffer { missing: Some(NOTHING), ..about("screen error", Elem::F32, "px", meaning) };
         let colours =
             Buffer { packing: Packing::Bytes, ..about("truth picture", Elem::U32, "rgba8", "the true picture") };
+        let distance_m: Vec<f32> = truth.distance_m.iter().map(|&distance_m| distance_m as f32).collect();
         Ok(Arc::new(TruthShown {
-            distance: upload(missing, bytemuck::cast_slice(&truth.distance_m))?,
+            distance: upload(missing, bytemuck::cast_slice(&distance_m))?,
             picture: upload(colours, bytemuck::cast_slice(&truth.colour))?,
             error: upload(error_px, bytemuck::cast_slice(&error))?,
             figures,

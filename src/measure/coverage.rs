@@ -57,8 +57,8 @@ pub struct Counts {
 
 impl Counts {
     /// Distances along the pixels' rays in metres, negative where there is no surface.
-    pub fn add(&mut self, drawn_m: &[f32], true_m: &[f32]) {
-        let count = |pick: fn(f32, f32) -> bool| drawn_m.iter().zip(true_m).filter(|(a, b)| pick(**a, **b)).count();
+    pub fn add(&mut self, drawn_m: &[f32], true_m: &[f64]) {
+        let count = |pick: fn(f32, f64) -> bool| drawn_m.iter().zip(true_m).filter(|(a, b)| pick(**a, **b)).count();
         self.pixels += drawn_m.len();
         self.silhouette_misses += count(|drawn, truth| (drawn < 0.0) != (truth < 0.0));
         self.drawn += count(|drawn, _| drawn >= 0.0);

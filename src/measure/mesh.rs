@@ -133,7 +133,7 @@ impl Summary {
         list: &Listed,
         ground: &dyn Ground,
         camera: &Camera,
-        drawn_and_true_m: Option<(&[f32], &[f32])>,
+        drawn_and_true_m: Option<(&[f32], &[f64])>,
     ) {
         let mesh = list.placed(ground, camera);
         self.cracks += list.cracks();

@@ -24,6 +24,9 @@ impl Missed<'_> {
         let ray = self.ray(pixel);
         let Some((enter_m, leave_m)) = self.ground.stay(&ray) else { return 0.0 };
         let end_m = if drawn_m < 0.0 { leave_m } else { drawn_m.min(leave_m) };
+        if self.is_along_border(&ray, (enter_m, end_m)) {
+            return 0.0;
+        }
         let side = self.side(&ray, enter_m);
         let passed_px = self.most_px(&ray, (true_m, end_m), pixel, side);
         // from outside, a ray can come in on the other side of the mesh than of the surface
@@ -37,9 +40,7 @@ impl Missed<'_> {
         let ray = self.ray(pixel);
         let Some((enter_m, leave_m)) = self.ground.stay(&ray) else { return 0.0 };
         let end_m = if drawn_m < 0.0 { leave_m } else { drawn_m.min(leave_m) };
-        // along the border itself, over it and beside it are both right
-        let middle_m = 0.5 * (enter_m + end_m);
-        if self.ground.margin_m(ray.at(middle_m)) <= ALONG_BORDER * end_m {
+        if self.is_along_border(&ray, (enter_m, end_m)) {
             return 0.0;
         }
         let side = self.side(&ray, enter_m);
@@ -50,6 +51,11 @@ impl Missed<'_> {
 
     fn ray(&self, pixel: DVec2) -> Ray {
         Ray { eye_m: self.camera.eye_m, direction: self.camera.ray(pixel) }
+    }
+
+    /// Whether a part of a ray is along the border itself, where over the ground and beside it are both right.
+    fn is_along_border(&self, ray: &Ray, (enter_m, end_m): (f64, f64)) -> bool {
+        self.ground.margin_m(ray.at(0.5 * (enter_m + end_m))) <= ALONG_BORDER * end_m
     }
 
     /// 1 for a ray that comes from over the surface, -1 from under it.

@@ -16,7 +16,7 @@ const BAND: u32 = 16;
 /// Pixels through which one sees: those that `drawn_m` (distances along their rays in metres, negative for none) shows behind a gap between
 /// the mesh's triangles, whatever it is that stands there, and those that it shows behind the mesh itself, although all rays around them meet
 /// the mesh before; of these, one that shows what there is to see is none.
-pub fn count(mesh: &Triangles, gaps: &Triangles, camera: &Camera, drawn_m: &[f32], true_m: &[f32]) -> usize {
+pub fn count(mesh: &Triangles, gaps: &Triangles, camera: &Camera, drawn_m: &[f32], true_m: &[f64]) -> usize {
     let (width_px, height_px) = camera.viewport;
     let (mesh, gaps) = (Bands::new(mesh, camera), Bands::new(gaps, camera));
     let in_band = |band: u32| {
@@ -31,7 +31,7 @@ pub fn count(mesh: &Triangles, gaps: &Triangles, camera: &Camera, drawn_m: &[f32
             if is_behind(gap) {
                 return true;
             }
-            let truth = f64::from(true_m[(y * width_px + x) as usize]);
+            let truth = true_m[(y * width_px + x) as usize];
             let is_true = drawn < 0.0 && truth < 0.0 || (drawn - truth).abs() <= 1e-5 * truth;
             if is_true || !is_behind(near) {
                 return false;

@@ -10,12 +10,11 @@ use serde::{Deserialize, Serialize};
 use super::coverage::{Counts, drawn_distance};
 use super::distribution::Distribution;
 use super::missed::Missed;
-use super::truth::MOST_ERROR_PX;
 use super::{Column, Figures, Info, Measure, Measured, Picture, Seen, Show, Tally, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::ground::Ground;
+use crate::ground::{EXACT_PX, Ground};
 use crate::plan::product::Drawn;
 use crate::plan::{BufferId, Chain};
 
@@ -23,7 +22,7 @@ pub const INFO: Info = Info {
     name: "ScreenError",
     summary: "pixel distance between the drawn surface and the true surface at the same ground position, or of what should have been shown \
               before it and was not, if that is more",
-    version: 3,
+    version: 4,
     parameters: schema::<ScreenError>,
     read: read_as::<ScreenError>,
     columns: &[
@@ -107,16 +106,16 @@ pub fn frame(
     ground: &dyn Ground,
     camera: &Camera,
     drawn_m: &[f32],
-    true_m: &[f32],
+    true_m: &[f64],
     bound_px: Option<f64>,
 ) -> FrameError {
     let missed = Missed { ground, camera };
-    let error = |(at, (&drawn, &truth)): (usize, (&f32, &f32))| {
+    let error = |(at, (&drawn, &truth)): (usize, (&f32, &f64))| {
         if drawn < 0.0 && truth < 0.0 {
             return f64::NAN;
         }
         let pixel = middle(camera, at);
-        let missed_px = missed.missed_px(pixel, drawn.into(), truth.into());
+        let missed_px = missed.missed_px(pixel, drawn.into(), truth);
         if drawn < 0.0 { missed_px } else { missed_px.max(drawn_error_px(ground, camera, pixel, drawn.into())) }
     };
     let errors: Vec<f64> = drawn_m.par_iter().zip(true_m).enumerate().map(error).collect();
@@ -160,7 +159,7 @@ impl Tally for Summary {
     }
 
     fn finish(self: Box<Self>) -> Figures {
-        let is_inexact = |error_px: &f64| *error_px > MOST_ERROR_PX;
+        let is_inexact = |error_px: &f64| *error_px > EXACT_PX;
         let warning =
             |error_px| format!("the ground truth itself is off by up to {error_px:.3} px: smaller errors say nothing");
         let warnings = self.truth_px.filter(is_inexact).map(warning).into_iter().collect();
@@ -197,9 +196,9 @@ impl Summary {
 
     /// Error in pixels from black (none) over red and yellow to white (four thresholds and more); grey is sky, and blue are pixels where
     /// sky and surface are mixed up.
-    fn heat_map(&self, width: u32, error_px: &[f32], drawn_m: &[f32], true_m: &[f32]) -> Picture {
+    fn heat_map(&self, width: u32, error_px: &[f32], drawn_m: &[f32], true_m: &[f64]) -> Picture {
         let colour =
-            |(&error, (&drawn, &truth)): (&f32, (&f32, &f32))| match ((drawn < 0.0) != (truth < 0.0), error.is_nan()) {
+            |(&error, (&drawn, &truth)): (&f32, (&f32, &f64))| match ((drawn < 0.0) != (truth < 0.0), error.is_nan()) {
                 (true, _) => [40, 90, 255],
                 (false, true) => [70, 74, 80],
                 (false, false) => heat((f64::from(error) / (4.0 * self.threshold_px)).clamp(0.0, 1.0)),

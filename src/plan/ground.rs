@@ -42,6 +42,20 @@ impl Chain<'_> {
         }
     }
 
+    /// For a stage that promises a bound: rounding in f32 may have half of it.
+    pub fn check_bound(&self, bound_px: f64) -> Result<(), Diagnostic> {
+        let rounding_px = self.data.rounding_px();
+        if rounding_px <= 0.5 * bound_px {
+            return Ok(());
+        }
+        let steepest = self.data.ground.steepest_seen();
+        Err(self.refusal(&format!(
+            "promises {bound_px} px, and rounding in f32 can move what a ray meets by {rounding_px:.2e} px with these cameras: \
+             the ground rises by up to {steepest:.3e} m in a metre"
+        ))
+        .help(format!("here, {:.2e} px and more can be promised", 2.0 * rounding_px)))
+    }
+
     /// A kernel of this crate, with the ground in the form in which it is held.
     pub fn kernel(&self, path: &str) -> Result<Arc<Kernel>, Diagnostic> {
         Kernel::built_in(path, self.ground_form())

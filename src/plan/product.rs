@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::scene::SceneData;
+
 /// What a method says of its picture: nothing that the mesh shows, or fails to show, is further off than this.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Promise {
@@ -12,6 +14,19 @@ pub struct Promise {
     /// The bound follows from an argument (`docs/proven_*.md`); otherwise it rests on estimates.
     pub proven: bool,
 }
+
+impl Promise {
+    /// What kernels are told to keep to, so that the bound holds with what rounding moves; up to `ROUNDING_PX` of that they have room for.
+    pub fn told_px(&self, data: &SceneData) -> f64 {
+        match self.proven {
+            true => self.bound_px - (data.rounding_px() - ROUNDING_PX).max(0.0),
+            false => self.bound_px,
+        }
+    }
+}
+
+/// What kernels keep of a bound for rounding, in pixels; of a small bound, half.
+const ROUNDING_PX: f64 = 0.02;
 
 /// Triangles that approximate the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]

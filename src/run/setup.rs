@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use super::Options;
 use super::sight::companions;
+use super::truth;
 use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::experiment::scene::Scene;
 use crate::experiment::sweep::Setting;
@@ -204,6 +205,9 @@ impl Prepared {
         let mut outputs: Vec<BufferId> = Vec::new();
         for (call, chosen) in self.cell.measures.iter().zip(&self.measures) {
             chain.begin_measure(&call.name, &call.node.head());
+            if chosen.measure.wants_truth() {
+                truth::check(&self.data).map_err(|error| error.or_at(&call.node.head(), "compares with the truth"))?;
+            }
             outputs
                 .extend(chosen.measure.needs(&chain).map_err(|error| error.or_at(&call.node.head(), "measured here"))?);
         }

@@ -4,11 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::Prepared;
+use crate::camera::Camera;
 use crate::experiment::diagnostic::{Diagnostic, Source};
 use crate::experiment::tree::{Kind, Node};
 use crate::experiment::{Cell, StageCall};
 use crate::gpu::{Executor, Gpu, GpuError};
-use crate::measure::{TruthFrame, truth};
+use crate::ground::{EXACT_PX, foreground};
+use crate::measure::truth::{self, TruthFrame};
 use crate::plan::product::{Drawn, Picture};
 use crate::plan::{BufferId, Capacities, Demand, Plan};
 use crate::scene::SceneData;
@@ -59,6 +61,45 @@ pub fn plan(prepared: &Prepared) -> Result<Plan, Diagnostic> {
     ))
 }
 
+/// Why rays of the truth are cast in f64 on the CPU, if they are: where rounding in f32 can move their hits by more than the truth is good to.
+pub fn in_f64(data: &SceneData) -> Option<String> {
+    let rounding_px = data.rounding_px();
+    (rounding_px > EXACT_PX).then(|| {
+        format!(
+            "the ground truth is cast in f64 on the CPU, which takes longer: in f32, rounding can move it by {rounding_px:.2} px \
+             with these cameras (the ground rises by up to {:.3e} m in a metre)",
+            data.ground.steepest_seen()
+        )
+    })
+}
+
+/// Refuses scenes in which even f64 has too few digits: two roundings to 2^-53 of heights and of places on a slope, seen from how close an
+/// eye can be to the surface.
+pub fn check(data: &SceneData) -> Result<(), Diagnostic> {
+    if data.rounding_px() <= EXACT_PX {
+        return Ok(());
+    }
+    let ground = data.ground.as_ref();
+    let (low_m, high_m) = ground.range_m();
+    let rounding_px = |camera: &Camera| {
+        let eye_m = camera.eye_m;
+        let height_m = low_m.abs().max(high_m.abs()).max(eye_m.z.abs());
+        let place_m = ground.lattice().extent_m().length().max(eye_m.truncate().length());
+        let off_m = f64::EPSILON * (height_m + ground.steepest() * place_m);
+        camera.most_px() * off_m / foreground::least_distance_m(ground, eye_m)
+    };
+    let worst_px = data.cameras().iter().map(rounding_px).fold(0.0, f64::max);
+    if worst_px <= EXACT_PX {
+        return Ok(());
+    }
+    Err(Diagnostic::input(format!(
+        "the truth cannot be known to {EXACT_PX} px here, not even in f64: the ground rises by up to {:.3e} m in a metre, \
+         and the eye is so close to it that rounding can move what it sees by {worst_px:.3} px",
+        ground.steepest()
+    ))
+    .help("larger cells, less height, or an eye farther away from the surface"))
+}
+
 impl Truth {
     pub fn new(gpu: &Arc<Gpu>, plan: &Arc<Plan>, prepared: &Prepared) -> Result<Self, GpuError> {
         let [distance, colour] = plan.outputs[..] else {
@@ -74,11 +115,21 @@ impl Truth {
             return Ok(known.clone());
         }
         self.executor.frame(frame)?;
-        let distance_m: Vec<f32> = bytemuck::pod_collect_to_vec(&self.executor.read(self.distance)?);
-        let error_px = truth::error_px(self.data.ground.as_ref(), &self.data.cameras()[frame], &distance_m);
-        let colour = bytemuck::pod_collect_to_vec(&self.executor.read(self.colour)?);
+        let (ground, camera) = (self.data.ground.as_ref(), &self.data.cameras()[frame]);
+        let cast: Vec<f32> = bytemuck::pod_collect_to_vec(&self.executor.read(self.distance)?);
+        let mut distance_m: Vec<f64> = cast.into_iter().map(f64::from).collect();
+        let mut error_px = camera.rounding_px(ground);
+        if error_px <= EXACT_PX {
+            error_px = truth::error_px(ground, camera, &distance_m);
+        }
+        // known beforehand or found out: f32 has too few digits for this frame
+        if error_px > EXACT_PX {
+            distance_m = truth::cast(ground, camera);
+            error_px = truth::error_px(ground, camera, &distance_m);
+        }
+        let colour: Vec<u32> = bytemuck::pod_collect_to_vec(&self.executor.read(self.colour)?);
+        let bytes = size_of_val(&distance_m[..]) + size_of_val(&colour[..]);
         let made = TruthFrame { distance_m, colour, error_px };
-        let bytes = 8 * made.colour.len();
         if self.bytes + bytes <= MOST_BYTES {
             self.bytes += bytes;
             self.frames[frame] = Some(made.clone());

@@ -11,6 +11,7 @@ const KERNEL: &str = "grids/grid_error_proven.wgsl";
 
 pub fn plan(chain: &mut Chain, inputs: Inputs, threshold_px: f64) -> Result<(), Diagnostic> {
     chain.check_scene_ground()?;
+    chain.check_bound(threshold_px)?;
     let layout = chain.lattice().cells();
     let planes = chain.read_of_ground("height_plane", Elem::Vec2F32, &layout.dims())?;
     let slopes = chain.read_of_ground("plane_slope", Elem::U32, &layout.dims())?;

@@ -62,7 +62,7 @@ fn grid_step<'c, 'a>(
     tiles: Option<BufferId>,
 ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
     let sees_underside = chain.sees_underside();
-    let threshold_px = grid.promise.map_or(0.0, |promise| promise.bound_px);
+    let threshold_px = grid.promise.map_or(0.0, |promise| promise.told_px(chain.data));
     let kernel = chain.kernel("picture/rasterize_grid.wgsl")?;
     Ok(chain
         .step(label, &kernel, entry)

@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec2};
 
 use super::VertexSplitting;
-use crate::frame::view::{most_of, sides};
+use crate::frame::view::sides;
 use crate::ground::pyramid::Layout;
 use crate::reference::{Frame, Values};
 
@@ -140,10 +140,11 @@ impl Quadtree<'_> {
         let forward = camera.forward();
         let near = (forward * low).min(forward * high);
         let beside = low.max(-high).max(DVec3::ZERO).length();
-        let depth = near.element_sum().max(beside / most_of(camera, |ray| ray.length()));
+        let depth = near.element_sum().max(beside / camera.most_of(|ray| ray.length()));
         let room = depth - rise_m * forward.z.abs();
-        let tilt = most_of(camera, |ray| (ray * forward.z - DVec3::Z).length());
-        let allowed_px = (self.stage.threshold_px - SLACK_PX).max(0.5 * self.stage.threshold_px);
+        let tilt = camera.most_of(|ray| (ray * forward.z - DVec3::Z).length());
+        let told_px = self.stage.promise(true).told_px(self.frame.data);
+        let allowed_px = (told_px - SLACK_PX).max(0.5 * told_px);
         let moved = camera.focal_px() * tilt;
         // the kernel's depth is a hundred-thousandth short of this one
         let scale = (moved * rise_m + allowed_px * (near.abs().element_sum() + beside + rise_m)) * 3.0;

@@ -83,6 +83,10 @@ impl Default for VertexSplitting {
 }
 
 impl VertexSplitting {
+    fn promise(&self, proven: bool) -> Promise {
+        Promise { bound_px: self.threshold_px, proven }
+    }
+
     fn step<'c, 'a>(
         &self,
         chain: &'c mut Chain<'a>,
@@ -94,6 +98,7 @@ impl VertexSplitting {
         let kernel = chain.kernel("quadtree/vertex_splitting.wgsl")?;
         let [leaves, live, nodes] = lists.capacities;
         let split_vectors = vectors(chain, lists.split);
+        let threshold_px = self.promise(lists.proven).told_px(chain.data);
         Ok(chain
             .step(label, &kernel, entry)
             .constant("PROVEN", f64::from(lists.proven))
@@ -107,7 +112,7 @@ impl VertexSplitting {
             .set("leaf_capacity", leaves)
             .set("tree_capacity", nodes)
             .set("split_vectors", split_vectors)
-            .set("threshold_px", self.threshold_px as f32))
+            .set("threshold_px", threshold_px as f32))
     }
 
     /// One round, or the first look at the tree of the frame before: decide, find the places, append.
@@ -280,6 +285,9 @@ fn vectors(chain: &Chain, bits: BufferId) -> u32 {
 impl Stage for VertexSplitting {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let lists = Lists::make(self, chain)?;
+        if lists.proven {
+            chain.check_bound(self.threshold_px)?;
+        }
         let rounds = lists.layout.top;
         let meaning = "workgroups along x, y, z; how many vertices there are";
         let counts: Vec<BufferId> = (0..=rounds)
@@ -289,7 +297,7 @@ impl Stage for VertexSplitting {
         for round in 0..rounds {
             self.round(chain, &lists, round, [counts[round as usize], counts[round as usize + 1]])?;
         }
-        let promise = Promise { bound_px: self.threshold_px, proven: lists.proven };
+        let promise = self.promise(lists.proven);
         chain.offer(Blocks { leaf: lists.leaf, count: lists.leaf_count, split: lists.split, promise });
         Ok(())
     }

@@ -1,7 +1,7 @@
 use super::blocks::Quadtree;
 use super::lists::GROUP;
 use super::{Start, VertexSplitting};
-use crate::plan::product::{Blocks, Promise, Roughness};
+use crate::plan::product::{Blocks, Roughness};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 
 impl Reference for VertexSplitting {
@@ -32,7 +32,7 @@ impl Reference for VertexSplitting {
         work.iter().enumerate().for_each(|(at, &value)| count.set(at, value.into(), bound));
         // from the tree of the frame before, leaves come in the order in which they were split
         leaf.in_any_order = self.start == Start::LastFrame;
-        let promise = Promise { bound_px: self.threshold_px, proven };
+        let promise = self.promise(proven);
         let (leaf, count) = (buffers.put("leaf", leaf), buffers.put("leaf_count", count));
         let split = buffers.put("split", split);
         buffers.offer(Blocks { leaf, count, split, promise });

@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
+use crate::ground::EXACT_PX;
 use crate::plan::Chain;
-use crate::plan::product::{Drawn, NodeRanges, what};
+use crate::plan::product::{Drawn, NodeRanges, Promise, what};
 use crate::stages::shared::drawn::make_distance;
 use crate::stages::shared::traversal;
 use crate::stages::{Example, Info, Stage, read_as};
@@ -41,7 +42,10 @@ impl Stage for RayCast {
             .bind_or_leave("start", start)
             .bind("distance", distance)
             .over(UVec2::new(width_px, height_px))?;
-        chain.offer(Drawn { distance, error: None, mesh: None, promise: None });
+        // of another ground than the scene's, nothing is known; and steep ground can be more than f32 has digits for
+        let promise = Promise { bound_px: EXACT_PX, proven: true };
+        let promise = (chain.is_scene_ground() && chain.data.rounding_px() <= EXACT_PX).then_some(promise);
+        chain.offer(Drawn { distance, error: None, mesh: None, promise });
         Ok(())
     }
 }

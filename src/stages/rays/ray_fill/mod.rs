@@ -34,10 +34,10 @@ pub const INFO: Info = Info {
         )
         .in_benches(&[("ViewGrid.size", "(96, 72)"), ("AspectImportance.size", "(64, 64)"), ("GridError.threshold_px", "1")]),
         Example::new(
-            "[HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp, Project(filter: Finest), \
-             GridError(rule: Proven, threshold_px: 2), LeadRays, Rasterize, Compact(rows: 2), RayFill]",
+            "[HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), Project(filter: Finest), GridError(rule: Proven, threshold_px: 2), \
+             LeadRays, Rasterize, Compact(rows: 4), RayFill]",
         )
-        .in_benches(&[("ViewGrid.size", "(96, 72)"), ("AspectImportance.size", "(64, 64)"), ("GridError.threshold_px", "1")]),
+        .in_benches(&[("ViewGrid.size", "(96, 72)")]),
     ],
     ..Info::EMPTY
 };
@@ -124,13 +124,14 @@ impl Stage for RayFill {
         let from_mesh = promise.is_some() && is_drawn && is_own && drawn.mesh.is_some();
         let start = traversal::lead_tiles(chain)?;
         let kernel = chain.kernel("rays/ray_fill.wgsl")?;
+        let bound_px = promise.map_or(0.0, |promise| promise.told_px(chain.data));
         let steepest = if rows == 1 { 0.0 } else { chain.data.ground.steepest() };
         traversal::step(chain, "fill", &kernel, "main")
             .constant("FROM_MESH", f64::from(from_mesh))
             .constant("ROWS", rows.into())
             .set("length", length)
             .set("steepest", (steepest * 1.000001) as f32)
-            .set("bound_px", promise.map_or(0.0, |promise| promise.bound_px as f32))
+            .set("bound_px", bound_px as f32)
             .bind_or_leave("clear_until", start)
             .bind("pixels", pixels)
             .bind("pixels_count", count)

@@ -14,7 +14,7 @@ impl Reference for RayFill {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let drawn: Drawn<_> = buffers.latest()?;
         let mut distance = (*buffers.values(drawn.distance)).clone();
-        let threshold_px = drawn.promise.filter(|promise| promise.proven).map(|promise| promise.bound_px);
+        let threshold_px = drawn.promise.filter(|promise| promise.proven).map(|promise| promise.told_px(frame.data));
         let Some(blocks) = self.blocks(frame, buffers, &drawn)? else {
             // any pixel may be on the list
             distance.bound.fill(f64::INFINITY);

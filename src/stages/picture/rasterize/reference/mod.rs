@@ -30,7 +30,7 @@ impl Reference for Rasterize {
         let is_loose = triangles.is_proven() && triangles.bounds_m.iter().any(|&bound_m| bound_m > 1e-3);
         // what is drawn of a list has no error of its own
         let is_grid = matches!(mesh, Mesh::Grid(_));
-        let threshold_px = promise.filter(|_| is_grid).map(|promise| promise.bound_px);
+        let threshold_px = promise.filter(|_| is_grid).map(|promise| promise.told_px(frame.data));
         let (width_px, height_px) = frame.camera.viewport;
         let sky = Sky { frame, clear_until: buffers.get("clear_until").ok() };
         let seen = |y: u32, x: u32| {
