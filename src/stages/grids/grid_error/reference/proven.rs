@@ -22,8 +22,9 @@ pub fn reference(frame: &Frame, buffers: &mut Buffers, grid: Grid<ValuesId>, thr
         let index = (at.y * (columns - 1) + at.x) as usize;
         for (triangle, [a, b, c]) in cell.triangles().into_iter().enumerate() {
             let (seen, limit) = (cell.seen(frame, [a, b, c]), cell.limit([a, b, c]));
-            set(&mut bounds, 4 * index + 2 * triangle, limit.0, seen.0.min(limit.1));
-            set(&mut bounds, 4 * index + 2 * triangle + 1, seen.1.max(limit.0), limit.1);
+            let off_m = cell.seen_off_m(frame, [a, b, c]);
+            set(&mut bounds, 4 * index + 2 * triangle, limit.0, (seen.0 + off_m).min(limit.1));
+            set(&mut bounds, 4 * index + 2 * triangle + 1, (seen.1 - off_m).max(limit.0), limit.1);
         }
         let needed = cell.triangles().map(|corners| cell.seen(frame, corners).1).into_iter().fold(0.0, f64::max);
         let (low, high) = (needed.max(0.0) - cell.off_m, cell.most_raise());
@@ -56,6 +57,8 @@ struct Cell {
     corners: [DVec3; 4],
     /// Bound of what the corners are known to, as a height.
     off_m: f64,
+    /// The same as a place.
+    off_cells: f64,
     /// Lowest and highest surface of everything that the kernel may have looked at.
     surface: Option<(f64, f64)>,
     snap_m: f64,
@@ -90,7 +93,8 @@ impl Cell {
                 + steep * reach.truncate().length()
                 + frame.ground.range_m().1.abs()
                 + frame.ground.range_m().0.abs());
-        Self { corners, off_m, surface, snap_m, rounding_m }
+        let off_cells = off_m / terrain.cell_m.min_element();
+        Self { corners, off_m, off_cells, surface, snap_m, rounding_m }
     }
 
     fn triangles(&self) -> [[DVec3; 3]; 2] {
@@ -114,6 +118,13 @@ impl Cell {
         errors.fold((f64::MAX, f64::MIN), |(low, high), error| (low.min(error), high.max(error)))
     }
 
+    /// By how much what is seen there is another if the corners are off: the surface and the plane are looked at beside the place.
+    fn seen_off_m(&self, frame: &Frame, [a, b, c]: [DVec3; 3]) -> f64 {
+        let (u, v) = (b - a, c - a);
+        let steepest = frame.ground.steepest() * frame.lattice().cell_m.max_element();
+        self.off_m + self.off_cells * (steepest + u.z.abs().max(v.z.abs()) / narrowest(u, v))
+    }
+
     /// What surface minus plane can be at most, on the ground that the kernel may have looked at.
     fn limit(&self, corners: [DVec3; 3]) -> (f64, f64) {
         let Some((lowest, highest)) = self.surface else { return (-self.rounding_m, self.rounding_m) };
@@ -130,7 +141,12 @@ impl Cell {
         let around = 0.25 * (high - low).max_element() + 0.1;
         let places = [(low.x, low.y), (high.x, low.y), (low.x, high.y), (high.x, high.y)].map(DVec2::from);
         let planes = places.map(|place| a.z + slope.dot(place - a.truncate()));
-        let beyond = slope.abs().element_sum() * around + self.rounding_m + slope.length() * self.off_m;
+        // corners that are off tilt the plane, a narrow triangle's most
+        let tilt = 2.0 * (slope.length() * self.off_cells + self.off_m) / narrowest(u, v);
+        let beyond = slope.abs().element_sum() * around
+            + self.rounding_m
+            + slope.length() * self.off_cells
+            + tilt * ((high - low).length() + around);
         let (flat_low, flat_high) = planes.into_iter().fold((f64::MAX, f64::MIN), |(l, h), z| (l.min(z), h.max(z)));
         // a node's plane is off by up to the range of its heights, and its slope can double that
         let range = highest - lowest;
@@ -143,6 +159,12 @@ impl Cell {
         let (low, high) = heights.into_iter().fold((f64::MAX, f64::MIN), |(l, h), z| (l.min(z), h.max(z)));
         (highest + 3.0 * (highest - lowest) - low).max(0.0) + high - low + self.snap_m + self.rounding_m + self.off_m
     }
+}
+
+/// How wide a triangle is across the longer of two sides, in cells.
+fn narrowest(u: DVec3, v: DVec3) -> f64 {
+    let (u, v) = (u.truncate(), v.truncate());
+    u.perp_dot(v).abs() / u.length().max(v.length())
 }
 
 /// Lowest and highest surface above the eye over a rectangle of samples; `None` if none of it is on the terrain.
