@@ -87,6 +87,12 @@ pub struct Hunting {
     /// Ends after so much time
     #[arg(long, value_name = "SECONDS")]
     pub seconds: Option<u32>,
+    /// Ends after so many broken promises
+    #[arg(long, value_name = "N")]
+    pub finds: Option<usize>,
+    /// Tries that making a scene simpler may take
+    #[arg(long, value_name = "N", default_value_t = 150)]
+    pub tries: usize,
     /// Only chains with this stage
     #[arg(long, value_name = "STAGE")]
     pub stage: Option<String>,

@@ -7,7 +7,7 @@ use lodlab::hunt::{self, Found, Hunt, Summary};
 
 fn hunted(stage: Option<&str>, seed: u64, frames: usize) -> (Summary, Vec<Found>) {
     let gpu = Gpu::open(None).unwrap();
-    let hunt = Hunt { seed, frames, stage: stage.map(String::from), ..Hunt::default() };
+    let hunt = Hunt { seed, frames, stage: stage.map(String::from), tries: 150, ..Hunt::default() };
     let mut all = Vec::new();
     let summary = hunt::hunt(&gpu, &hunt, &mut |found| all.push(found), &|_| ()).unwrap();
     (summary, all)

@@ -7,12 +7,14 @@ use glam::{DVec2, DVec3, UVec2};
 use rand::RngExt;
 use rand::rngs::ChaCha12Rng as Dice;
 
-use crate::experiment::parameters::{ParameterKind, describe};
+use crate::experiment::diagnostic::Source as Text;
+use crate::experiment::parameters::{Limits, ParameterKind, describe};
 use crate::experiment::scene::Surface;
+use crate::experiment::tree::Node;
 use crate::stages;
 
 /// Views that one trial looks from: a chain is planned once for all of them.
-const VIEWS: usize = 8;
+const VIEWS: usize = 16;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trial {
@@ -85,8 +87,12 @@ impl Terrain {
         let side = |dice: &mut Dice| one_of(dice, &[2, 5, 16, 33, 64, 65, 129, 200]);
         let size = UVec2::new(side(dice), side(dice));
         let cell_m = about(dice, 0.1, 300.0);
-        let cell_m = DVec2::new(cell_m, rounded(cell_m * about(dice, 0.01, 100.0)));
-        let range_m = about(dice, 1e-3, 1e5);
+        // half of them are as there are on Earth
+        let is_plain = dice.random_bool(0.5);
+        let ratio = if is_plain { one_of(dice, &[1.0, 1.0, 0.7]) } else { about(dice, 0.01, 100.0) };
+        let cell_m = DVec2::new(cell_m, rounded(cell_m * ratio));
+        let extent_m = ((size - 1).as_dvec2() * cell_m).max_element();
+        let range_m = if is_plain { rounded(extent_m * about(dice, 0.01, 0.5)) } else { about(dice, 1e-3, 1e5) };
         let low_m = one_of(dice, &[0.0, -5000.0, 3000.0, -0.5 * range_m]);
         let source = match dice.random_range(0..10) {
             0..=1 => Source::Shape {
@@ -136,6 +142,22 @@ impl Terrain {
 
 impl View {
     fn roll(dice: &mut Dice, terrain: &Terrain) -> Self {
+        if dice.random_bool(0.5) { Self::on_foot(dice, terrain) } else { Self::anywhere(dice, terrain) }
+    }
+
+    /// As somebody stands there, or flies low: where a bound has most to hold, since a hair's breadth aside is another place.
+    fn on_foot(dice: &mut Dice, terrain: &Terrain) -> Self {
+        let share = DVec2::new(dice.random_range(0.0..1.0), dice.random_range(0.0..1.0));
+        Self {
+            eye_m: (share * terrain.extent_m()).map(rounded).extend(rounded(terrain.low_m)),
+            clearance_m: Some(about(dice, 0.05, 50.0)),
+            yaw_deg: rounded(dice.random_range(-180.0..180.0)),
+            pitch_deg: rounded(dice.random_range(-15.0..5.0)),
+            roll_deg: 0.0,
+        }
+    }
+
+    fn anywhere(dice: &mut Dice, terrain: &Terrain) -> Self {
         let inside = DVec2::new(dice.random_range(0.0..1.0), dice.random_range(0.0..1.0));
         let share = match dice.random_range(0..10) {
             0 => {
@@ -176,33 +198,44 @@ impl View {
     }
 }
 
-/// Other numbers for some parameters of a chain, within their limits and not far from what they are.
+/// Other values for some parameters of a chain: numbers within their limits and not far from what they are, other choices.
 fn vary(dice: &mut Dice, chain: &[String]) -> Vec<(String, String)> {
     let mut settings = Vec::new();
     for stage in chain {
-        let name = stage.split('(').next().unwrap_or_default();
+        let Ok(node) = Node::read(&Text::new("stage", stage.as_str())) else { continue };
+        let name = node.name().unwrap_or_default();
         let Some(entry) = stages::find(name) else { continue };
         for parameter in describe(&(entry.info.parameters)()) {
-            let ParameterKind::Numbers { count, is_whole, limits } = parameter.kind else { continue };
-            let numbers = parameter.default.as_deref().unwrap_or_default();
-            let numbers: Vec<f64> =
-                numbers.trim_matches(['(', ')']).split(',').filter_map(|number| number.trim().parse().ok()).collect();
-            if numbers.len() != count || !dice.random_bool(0.4) {
-                continue;
-            }
-            let varied = numbers.iter().map(|number| {
-                let value = rounded(number.max(0.0) * about(dice, 0.25, 2.5));
-                let value = if is_whole { value.round() } else { value };
-                let value = value.max(limits.least.unwrap_or(f64::MIN)).min(limits.most.unwrap_or(f64::MAX));
-                // what is made of it is small
-                if count == 2 { value.min(96.0) } else { value }.to_string()
-            });
-            let varied: Vec<String> = varied.collect();
-            let text = if count == 1 { varied[0].clone() } else { format!("({})", varied.join(", ")) };
-            settings.push((format!("*.{name}.{}", parameter.name), text));
+            let own = node.field(&parameter.name).map(Node::canonical).or(parameter.default.clone());
+            let value = match parameter.kind {
+                ParameterKind::Numbers { count, is_whole, limits } if dice.random_bool(0.4) => {
+                    other_numbers(dice, &own.unwrap_or_default(), (count, is_whole), limits)
+                }
+                ParameterKind::Flag if dice.random_bool(0.1) => Some(one_of(dice, &["true", "false"]).to_string()),
+                ParameterKind::Choice if dice.random_bool(0.3) => Some(one_of(dice, &parameter.choices).0),
+                _ => None,
+            };
+            settings.extend(value.map(|value| (format!("*.{name}.{}", parameter.name), value)));
         }
     }
     settings
+}
+
+fn other_numbers(dice: &mut Dice, own: &str, (count, is_whole): (usize, bool), limits: Limits) -> Option<String> {
+    let numbers = own.trim_matches(['(', ')']).split(',').filter_map(|number| number.trim().parse().ok());
+    let varied = numbers.map(|number: f64| {
+        let least = if is_whole { 0.25 } else { 0.05 };
+        let value = rounded(number.max(0.0) * about(dice, least, 2.5));
+        let value = if is_whole { value.round() } else { value };
+        let value = value.max(limits.least.unwrap_or(f64::MIN)).min(limits.most.unwrap_or(f64::MAX));
+        // what is made of it is small
+        if count == 2 { value.min(96.0) } else { value }.to_string()
+    });
+    let varied: Vec<String> = varied.collect();
+    match varied.len() {
+        1 if count == 1 => Some(varied[0].clone()),
+        several => (several == count).then(|| format!("({})", varied.join(", "))),
+    }
 }
 
 impl Trial {
@@ -219,7 +252,8 @@ impl Trial {
         }
         let settings = vary(dice, &chain);
         let views = (0..VIEWS).map(|_| View::roll(dice, &terrain)).collect();
-        let viewport_px = one_of(dice, &[UVec2::new(64, 48), UVec2::new(97, 65), UVec2::new(33, 81)]);
+        let viewport_px =
+            one_of(dice, &[UVec2::new(64, 48), UVec2::new(160, 120), UVec2::new(33, 81), UVec2::new(129, 97)]);
         Self {
             terrain,
             surface,
@@ -231,15 +265,19 @@ impl Trial {
         }
     }
 
-    /// With one view alone.
-    pub fn of_view(&self, view: usize) -> Self {
-        Self { views: vec![self.views[view].clone()], ..self.clone() }
-    }
-
-    /// What is left if one thing of it is made simpler.
-    pub fn simpler(&self) -> Vec<Self> {
-        let mut all: Vec<Self> =
-            self.terrain.simpler().into_iter().map(|terrain| Self { terrain, ..self.clone() }).collect();
+    /// What is left if one thing of it is made simpler; one of its views is what it is about.
+    pub fn simpler(&self, view: usize) -> Vec<Self> {
+        let mut all = Vec::new();
+        if self.views.len() > 1 {
+            // alone, a view can keep what it broke where a chain was planned for others, too
+            all.push(Self { views: vec![self.views[view].clone()], ..self.clone() });
+            let others = (0..self.views.len()).filter(|other| *other != view);
+            all.extend(
+                others
+                    .map(|other| Self { views: [view, other].map(|at| self.views[at].clone()).into(), ..self.clone() }),
+            );
+        }
+        all.extend(self.terrain.simpler().into_iter().map(|terrain| Self { terrain, ..self.clone() }));
         all.extend((0..self.settings.len()).map(|at| {
             let mut simpler = self.clone();
             simpler.settings.remove(at);
@@ -256,17 +294,20 @@ impl Trial {
 
     /// The experiment, whose camera path stands at one of the views.
     pub fn experiment(&self, view: usize) -> String {
-        format!(
-            "Experiment(\n    scene: (\n        terrain: {},\n        surface: {:?},\n        camera: {},\n        viewport: ({}, {}),\n        \
+        let others = self.views.iter().enumerate().filter(|(other, _)| *other != view);
+        let others: String = others.map(|(_, view)| format!("// planned for this eye, too: {view}\n")).collect();
+        others
+            + &format!(
+                "Experiment(\n    scene: (\n        terrain: {},\n        surface: {:?},\n        camera: {},\n        viewport: ({}, {}),\n        \
              fov_deg: {:?},\n    ),\n    chains: {{\"found\": [{}]}},\n    measure: [ScreenError, Mesh],\n)\n",
-            self.terrain,
-            self.surface,
-            self.views[view],
-            self.viewport_px.x,
-            self.viewport_px.y,
-            self.fov_deg,
-            self.chain.join(", "),
-        )
+                self.terrain,
+                self.surface,
+                self.views[view],
+                self.viewport_px.x,
+                self.viewport_px.y,
+                self.fov_deg,
+                self.chain.join(", "),
+            )
     }
 }
 
