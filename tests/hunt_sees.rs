@@ -69,6 +69,15 @@ const DEFECTS: &[Defect] = &[
         promises: &["bound", "pinholes"],
     },
     Defect {
+        what: "nothing is drawn that is nearer than a tenth of a metre",
+        file: "picture/rasterize_list.wgsl",
+        now: "params.near_m, view.z)",
+        before: "0.1, view.z)",
+        stage: "TriangleSplitting",
+        seed: 1,
+        promises: &["bound", "pinholes"],
+    },
+    Defect {
         what: "blocks of another size next to each other do not share their vertices",
         file: "quadtree/triangle_splitting.wgsl",
         now: "let is_there = (edge.side != NORTH",
