@@ -100,6 +100,15 @@ fn on_lines_and_borders() {
         let px = error_px(terrain, &format!("Still(eye: {eye})"), "viewport: (97, 81)", true);
         assert!(px < EXACT_PX, "{px} px over {terrain}");
     }
+    // from a sample along the grid, over a patch whose bend f32 can hardly hold
+    let flat = "Noise(kind: Ridged, seed: 14311, size: (64, 16), cell_m: (0.3719, 5.3055), height_m: (3000, 3000.0038916), wavelength_m: 2.65275, octaves: 1)";
+    let px = error_px(
+        flat,
+        "Still(eye: (5.5785, 63.666, 3000), pitch_deg: -1)",
+        "viewport: (129, 97), surface: Bilinear",
+        true,
+    );
+    assert!(px < EXACT_PX, "{px} px over a patch that is nearly flat");
     let circle = "Orbit(frames: 2, center: (0, 3000, 100), radius_m: 10, height_m: -50, clearance_m: 0)";
     let px = error_px(STEEP, circle, "viewport: (64, 16), fov_deg: 20", true);
     assert!(px < EXACT_PX, "{px} px over the border");
