@@ -15,49 +15,21 @@ pub struct Cli {
 #[derive(Subcommand)]
 pub enum Command {
     /// Runs experiments; finished cells are not run again
-    Run {
-        #[arg(required = true)]
-        files: Vec<PathBuf>,
-        /// Sets a parameter: chain.Stage.field=value, *.Stage.field=value, scene.field=value
-        #[arg(long = "set", value_name = "PATH=VALUE")]
-        set: Vec<String>,
-        /// Folder for the results [default: out/NAME for each experiment]
-        #[arg(long, value_name = "DIR")]
-        out: Option<PathBuf>,
-        /// The adapter whose name contains this
-        #[arg(long, value_name = "NAME")]
-        adapter: Option<String>,
-        /// Frames of the camera path, instead of what the file says
-        #[arg(long, value_name = "N")]
-        frames: Option<u32>,
-        /// Writes a buffer of every frame as .npy: as the frame leaves it, or as it is after a step (a stage, a label, or STAGE/LABEL)
-        #[arg(long, value_name = "BUFFER[@STEP]")]
-        dump: Vec<String>,
-        /// Puts a look of a buffer into the page, named as for --dump; of the frame in the middle of the path
-        #[arg(long, value_name = "BUFFER[@STEP]")]
-        picture: Vec<String>,
-        /// Makes these pictures of every frame
-        #[arg(long, requires = "picture")]
-        every_frame: bool,
-        /// Computes a stage in f64 on the CPU and gives its result to the kernels after it; `Stage#2` is the second of a name
-        #[arg(long, value_name = "STAGE")]
-        on_cpu: Vec<String>,
-        /// Runs finished cells again
-        #[arg(long)]
-        force: bool,
-        /// Runs what the plan would leave out, too
-        #[arg(long)]
-        keep_everything: bool,
-        /// Ends the run when the device works on one submission, or its driver on one kernel, for longer than that
-        #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(1..))]
-        patience: u32,
-    },
+    Run(Running),
     /// Shows what would run, what is left out and why, buffers and bytes; needs no device
     Plan {
         file: PathBuf,
         #[arg(long = "set", value_name = "PATH=VALUE")]
         set: Vec<String>,
     },
+    /// Lists the cells of an experiment, one JSON object a line; needs no device
+    Cells(CellList),
+    /// Makes tables, plot and page from the finished cells of one or several folders; needs no device
+    Report(Reporting),
+    /// Compares two folders of results cell by cell: faster, slower, other figures
+    Compare(Comparing),
+    /// Says what each column of the records is
+    Schema,
     /// Lists stages and measures, or explains one
     Stages { name: Option<String> },
     /// Compares every stage with its f64 reference on ordinary and extreme input
@@ -74,6 +46,124 @@ pub enum Command {
     Inspect(Inspect),
     /// Lists the adapters
     Devices,
+}
+
+#[derive(clap::Args)]
+pub struct Running {
+    #[arg(required = true)]
+    pub files: Vec<PathBuf>,
+    /// Sets a parameter: chain.Stage.field=value, *.Stage.field=value, scene.field=value; several values (a,b,c) make an axis
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Folder for the results [default: out/NAME for each experiment]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// The adapter whose name contains this
+    #[arg(long, value_name = "NAME")]
+    pub adapter: Option<String>,
+    /// Frames of the camera path, instead of what the file says
+    #[arg(long, value_name = "N")]
+    pub frames: Option<u32>,
+    /// Writes a buffer of every frame as .npy: as the frame leaves it, or as it is after a step (a stage, a label, or STAGE/LABEL)
+    #[arg(long, value_name = "BUFFER[@STEP]")]
+    pub dump: Vec<String>,
+    /// Puts a look of a buffer into the page, named as for --dump; of the frame in the middle of the path
+    #[arg(long, value_name = "BUFFER[@STEP]")]
+    pub picture: Vec<String>,
+    /// Makes these pictures of every frame
+    #[arg(long, requires = "picture")]
+    pub every_frame: bool,
+    /// Computes a stage in f64 on the CPU and gives its result to the kernels after it; `Stage#2` is the second of a name
+    #[arg(long, value_name = "STAGE")]
+    pub on_cpu: Vec<String>,
+    /// Runs finished cells again
+    #[arg(long)]
+    pub force: bool,
+    /// Runs what the plan would leave out, too
+    #[arg(long)]
+    pub keep_everything: bool,
+    /// The chain that tables compare the others with [default: the file's `baseline`, or the first]
+    #[arg(long, value_name = "CHAIN")]
+    pub baseline: Option<String>,
+    /// Runs one part of n of the cells: every n-th, from the i-th
+    #[arg(long, value_name = "I/N", value_parser = read_shard)]
+    pub shard: Option<Shard>,
+    /// Runs the cells in a file, one a line as `lodlab cells` prints them; `-` is standard input
+    #[arg(long, value_name = "FILE")]
+    pub cells: Option<PathBuf>,
+    /// Says nothing while it runs but warnings and failures
+    #[arg(long)]
+    pub quiet: bool,
+    /// Says what happens as one JSON object a line, for programs
+    #[arg(long, conflicts_with = "quiet")]
+    pub json: bool,
+    /// Ends the run when the device works on one submission, or its driver on one kernel, for longer than that
+    #[arg(long, value_name = "SECONDS", default_value_t = 120, value_parser = clap::value_parser!(u32).range(1..))]
+    pub patience: u32,
+}
+
+/// The `number`-th, from 1, of `of` parts.
+#[derive(Clone, Copy, Debug)]
+pub struct Shard {
+    pub number: usize,
+    pub of: usize,
+}
+
+fn read_shard(text: &str) -> Result<Shard, String> {
+    let numbers = text.split_once('/').and_then(|(number, of)| Some((number.parse().ok()?, of.parse().ok()?)));
+    match numbers {
+        Some((number, of)) if (1..=of).contains(&number) => Ok(Shard { number, of }),
+        _ => Err("expected I/N with I from 1 to N".to_string()),
+    }
+}
+
+#[derive(clap::Args)]
+pub struct CellList {
+    pub file: PathBuf,
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Frames of the camera path, as for run
+    #[arg(long, value_name = "N")]
+    pub frames: Option<u32>,
+    /// Only cells that have no record in this folder yet
+    #[arg(long, value_name = "DIR")]
+    pub left: Option<PathBuf>,
+}
+
+#[derive(clap::Args)]
+pub struct Reporting {
+    /// Folders that runs have left their results in
+    #[arg(required = true, value_name = "DIR")]
+    pub folders: Vec<PathBuf>,
+    /// Folder for the report [default: the only folder]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// The chain that tables compare the others with [default: the first]
+    #[arg(long, value_name = "CHAIN")]
+    pub baseline: Option<String>,
+    /// The error of the plot, as `lodlab schema` calls it
+    #[arg(long, value_name = "FIGURE", default_value = "error_rms")]
+    pub error: String,
+    /// The cost of the plot: method_ms, frame_ms, triangles, ...
+    #[arg(long, value_name = "FIGURE", default_value = "method_ms")]
+    pub cost: String,
+}
+
+#[derive(clap::Args)]
+pub struct Comparing {
+    /// Results before a change
+    pub before: PathBuf,
+    /// And after it
+    pub after: PathBuf,
+    /// Ratios of times nearer to 1 than this are the same
+    #[arg(long, value_name = "SHARE", default_value_t = 0.05)]
+    pub resolution: f64,
+    /// Exit status 1 if a cell takes, beyond doubt, more than so many times as long
+    #[arg(long, value_name = "RATIO")]
+    pub most_slower: Option<f64>,
+    /// Exit status 1 if an error of a cell grows by more than this
+    #[arg(long, value_name = "AMOUNT")]
+    pub most_worse: Option<f64>,
 }
 
 #[derive(clap::Args)]

@@ -101,7 +101,7 @@ fn cells(sweep: &str, set: &[&str]) -> Vec<String> {
     let cells =
         experiment(sweep).and_then(|experiment| experiment.cells(&settings)).unwrap_or_else(|error| panic!("{error}"));
     let settings =
-        |cell: &lodlab::experiment::Cell| cell.settings.iter().map(|(_, value)| value.clone()).collect::<Vec<_>>();
+        |cell: &lodlab::experiment::Cell| cell.settings.iter().map(|setting| setting.value.clone()).collect::<Vec<_>>();
     cells.iter().map(|cell| format!("{} {}", cell.chain, settings(cell).join(" "))).collect()
 }
 

@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 use common::{errors, lodlab, measure, records, run, succeeded};
 use lodlab::experiment::{Experiment, diagnostic::Source};
 use lodlab::measure::time::Spread;
-use lodlab::report::{Record, pareto};
+use lodlab::report::plot::{self, Axes};
+use lodlab::report::{Record, Results};
 use lodlab::run::{Event, Keep, Setup};
 
 const SWEEP: &str = r#"
@@ -27,7 +28,9 @@ Experiment(
 /// What does not depend on the clock.
 fn timeless(folder: &Path) -> Vec<serde_json::Value> {
     let strip = |mut record: serde_json::Value| {
-        record.as_object_mut().unwrap().remove("timings");
+        let record_fields = record.as_object_mut().unwrap();
+        record_fields.remove("timings");
+        record_fields.remove("made");
         record
     };
     records(folder).into_iter().map(strip).collect()
@@ -268,7 +271,7 @@ fn a_stored_cell_is_called_what_this_run_calls_it() {
     let chain = "\"cast\": [HeightPyramid, RayCast]";
     records_of(folder.path(), chain, "measure: [Time]", &[]);
     let swept = records_of(folder.path(), chain, "sweep: {\"scene.fov_deg\": [60, 50]}, measure: [Time]", &[]);
-    let labels: Vec<_> = swept.iter().map(|record| record["settings"][0][1].as_str().unwrap()).collect();
+    let labels: Vec<_> = swept.iter().map(|record| record["settings"][0]["value"].as_str().unwrap()).collect();
     assert_eq!(labels, ["60", "50"]);
 }
 
@@ -433,8 +436,9 @@ fn a_cell_that_does_not_fit_stops_no_other() {
         )
     };
     std::fs::write(folder.path().join("sweep.ron"), experiment([1, 43_000, 2])).unwrap();
-    let misfits = folder.path().join("out/does_not_fit.json");
-    for summary in ["2 cells run, 0 finished before, 1 does not fit", "0 cells run, 2 finished before, 1 does not fit"]
+    let misfits = folder.path().join("out/failures.json");
+    for summary in
+        ["2 cells run, 0 finished before, 1 without results", "0 cells run, 2 finished before, 1 without results"]
     {
         let output = run(folder.path(), &["run", "sweep.ron", "--out", "out"]);
         let said = String::from_utf8_lossy(&output.stdout).to_string();
@@ -445,7 +449,7 @@ fn a_cell_that_does_not_fit_stops_no_other() {
         assert_eq!(records(&folder.path().join("out")).len(), 2);
         let left: serde_json::Value = serde_json::from_slice(&std::fs::read(&misfits).unwrap()).unwrap();
         assert_eq!(left.as_array().unwrap().len(), 1);
-        assert!(left[0]["settings"][0][1].as_str().unwrap().contains("43000"), "{left}");
+        assert!(left[0]["settings"][0]["value"].as_str().unwrap().contains("43000"), "{left}");
         assert!(left[0]["why"].as_str().unwrap().contains("4472000000"), "{left}");
     }
     // when all of them fit, there is no such list any more
@@ -468,8 +472,16 @@ fn reports_agree() {
         assert_eq!(row[at].parse::<f64>().ok(), measure(&record, name), "{name}");
     }
     let page = std::fs::read_to_string(folder.path().join("made/report.html")).unwrap();
-    let shown = format!("<td>{}</td>", measure(&record, "triangles").unwrap());
-    assert!(page.contains(&shown) && page.contains("<svg") && page.matches("<img").count() == 2, "{shown}");
+    let data = page.split("id=\"data\">").nth(1).unwrap().split("</script>").next().unwrap();
+    let data: serde_json::Value = serde_json::from_str(data).unwrap();
+    let column = |name: &str| {
+        let columns = data["columns"].as_array().unwrap();
+        columns.iter().find(|column| column["name"] == name).unwrap()["values"][0].clone()
+    };
+    assert_eq!(column("triangles").as_f64(), measure(&record, "triangles"));
+    assert_eq!(column("cell"), record["hash"]);
+    let pictures = data["details"][0]["pictures"].as_array().unwrap();
+    assert!(pictures.len() == 2 && pictures[0][1].as_str().unwrap().starts_with("data:image/png;base64,"));
 }
 
 /// What is plotted against error is the time of the method, which is timed as often as whole frames; an older record is measured again.
@@ -493,13 +505,13 @@ fn the_time_that_is_plotted_is_the_method_s() {
         let mut record = record.clone();
         record.timings.method_gpu_ms = spread(method_ms);
         record.timings.frame_gpu_ms = spread(frame_ms);
-        pareto::svg("", &[record]).unwrap().unwrap()
+        let axes = Axes { error: "error_rms", error_title: "", cost: "method_ms", cost_title: "", target: None };
+        plot::svg("", &Results { records: vec![record], ..Results::default() }, &axes).unwrap().unwrap()
     };
     assert_eq!(plot(1.0, 2.0), plot(1.0, 400.0));
     assert_ne!(plot(1.0, 400.0), plot(100.0, 400.0));
     let made = |name: &str| std::fs::read_to_string(folder.path().join("made").join(name)).unwrap();
     assert!(made("pareto.svg").contains("time of the method without shading, ms"));
-    assert!(made("report.html").contains("<th>method ms</th><th>frame ms</th>"));
     let mut csv = csv::Reader::from_path(folder.path().join("made/records.csv")).unwrap();
     let at = csv.headers().unwrap().iter().position(|column| column == "method_wall_ms").unwrap();
     let written = csv.records().next().unwrap().unwrap()[at].parse::<f64>().ok();

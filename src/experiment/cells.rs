@@ -1,24 +1,68 @@
 //! The cells of an experiment: counted before one of them is made, and then made one by one.
 
+use std::sync::Arc;
+
 use super::diagnostic::{Diagnostic, Source};
 use super::scene::Scene;
-use super::sweep::{Axis, MOST_CELLS, Product, Setting};
+use super::sweep::{self, Axis, MOST_CELLS, Product, Setting, Varied};
 use super::tree::{Field, Kind, Node};
 use super::{
     Cell, DEFAULT_MEASURES, Experiment, chain_node, read_measures, read_stage, required, resolve, scene_limits,
 };
 
-/// A chain with the axes that vary it.
+/// A chain with the axes that vary it, before one scene.
 struct Swept<'a> {
     name: &'a str,
     key: &'a Node,
     stages: &'a Node,
     values: Product<'a>,
+    scene: &'a NamedScene,
+    /// What the command line sets.
+    settings: Vec<Setting>,
+}
+
+/// A scene of the experiment, with its name if there are several.
+#[derive(Debug)]
+pub struct NamedScene {
+    name: Option<String>,
+    node: Node,
+}
+
+/// An experiment has either `scene: (...)` or `scenes: {"name": (...), ...}`.
+pub fn read_scenes(root: &Node, source: &Arc<Source>) -> Result<Vec<NamedScene>, Diagnostic> {
+    let several = match (root.field("scene"), root.field("scenes")) {
+        (Some(one), Some(several)) => {
+            return Err(Diagnostic::input("this experiment has `scene` and `scenes`")
+                .at(&several.head(), "several scenes")
+                .at(&one.head(), "and one"));
+        }
+        (None, Some(several)) => several,
+        _ => {
+            let node = required(root, "scene", source)?.clone();
+            return Ok(vec![NamedScene { name: None, node }]);
+        }
+    };
+    let Kind::Map(entries) = &several.kind else {
+        return Err(Diagnostic::input("`scenes` is a map from names to scenes")
+            .at(&several.head(), "expected `{ \"name\": (terrain: ..., camera: ...) }`"));
+    };
+    let mut scenes: Vec<NamedScene> = Vec::new();
+    for (key, node) in entries {
+        let name: String = key.parse()?;
+        if scenes.iter().any(|known| known.name.as_ref() == Some(&name)) {
+            return Err(Diagnostic::input(format!("there are two scenes called `{name}`")).at(&key.origin, "again"));
+        }
+        scenes.push(NamedScene { name: Some(name), node: node.clone() });
+    }
+    match scenes.is_empty() {
+        true => Err(Diagnostic::input("there is no scene, so nothing would run").at(&several.head(), "empty")),
+        false => Ok(scenes),
+    }
 }
 
 impl Experiment {
-    /// All cells, chain by chain in the order of the file. `settings` are the `--set` arguments; they win
-    /// over the file, and take the place of an axis over the same path.
+    /// All cells, scene by scene and chain by chain in the order of the file. `settings` are the `--set` arguments; they win
+    /// over the file, and take the place of an axis over the same path. One with several values is an axis itself.
     pub fn cells(&self, settings: &[Setting]) -> Result<Vec<Cell>, Diagnostic> {
         self.each_cell(settings)?.collect()
     }
@@ -33,22 +77,26 @@ impl Experiment {
         let chains = self.swept(settings)?;
         Ok(chains.into_iter().flat_map(move |chain| {
             let root = self.root_of(&chain);
-            (0..chain.values.count()).map(move |at| self.cell(&root, chain.name, &chain.values.settings(at), settings))
+            (0..chain.values.count()).map(move |at| self.cell(&root, &chain, &chain.values.settings(at)))
         }))
     }
 
     /// The chains with what varies them; refused if they have more cells than can be meant.
     fn swept(&self, settings: &[Setting]) -> Result<Vec<Swept<'_>>, Diagnostic> {
         let (mut chains, mut count) = (Vec::new(), 0);
-        for (name, key, stages) in self.chains() {
-            let values = self.free_axes(name, stages.items(), settings)?;
-            count += values.count();
-            if count > MOST_CELLS {
-                return Err(Diagnostic::input(format!("this experiment has more than {MOST_CELLS} cells"))
-                    .at(&key.origin, "with this chain")
-                    .help("leave chains or values out, or make several experiments of it"));
+        for settings in sweep::combinations(settings)? {
+            for scene in self.scenes.iter() {
+                for (name, key, stages) in self.chains() {
+                    let values = self.free_axes(name, stages.items(), &settings)?;
+                    count += values.count();
+                    if count > MOST_CELLS {
+                        return Err(Diagnostic::input(format!("this experiment has more than {MOST_CELLS} cells"))
+                            .at(&key.origin, "with this chain")
+                            .help("leave chains or values out, or make several experiments of it"));
+                    }
+                    chains.push(Swept { name, key, stages, values, scene, settings: settings.clone() });
+                }
             }
-            chains.push(Swept { name, key, stages, values });
         }
         Ok(chains)
     }
@@ -93,11 +141,12 @@ impl Experiment {
         Product::new(free.into_iter().map(|(axis, places)| (axis, is_there(places))).collect())
     }
 
-    /// The tree without the sweep and without other chains, which no cell needs and which can be long.
+    /// The tree without the sweep and without other chains and scenes, which no cell needs and which can be long.
     fn root_of(&self, chain: &Swept) -> Node {
         let Kind::Struct { name, fields } = &self.root.kind else { return self.root.clone() };
         let own = |field: &Field| match field.name.as_str() {
             "sweep" => None,
+            "scenes" => Some(Field { name: "scene".into(), value: chain.scene.node.clone(), ..field.clone() }),
             "chains" => {
                 let kind = Kind::Map(vec![(chain.key.clone(), chain.stages.clone())]);
                 let value = Node { origin: field.value.origin.clone(), kind };
@@ -110,15 +159,18 @@ impl Experiment {
     }
 
     /// One cell of a chain, from what [`Experiment::root_of`] says of it.
-    fn cell(&self, written: &Node, chain: &str, swept: &[Setting], settings: &[Setting]) -> Result<Cell, Diagnostic> {
+    fn cell(&self, written: &Node, swept: &Swept, values: &[Setting]) -> Result<Cell, Diagnostic> {
         let mut root = written.clone();
+        let chain = swept.name;
         let stages = chain_node(written, chain).unwrap_or_default();
-        for setting in swept.iter().chain(settings) {
-            if let Some(path) = resolve(written, chain, stages, &setting.path) {
+        let place = |setting: &Setting| resolve(written, chain, stages, &setting.path);
+        for setting in values.iter().chain(&swept.settings) {
+            if let Some(path) = place(setting) {
                 let path: Vec<&str> = path.iter().map(String::as_str).collect();
                 root.set(&path, &setting.key, &setting.value)?;
             }
         }
+        let overrides = swept.settings.iter().filter(|setting| place(setting).is_some()).map(Varied::from).collect();
         let scene_node = required(&root, "scene", &self.source)?;
         let scene: Scene = scene_node.parse()?;
         scene_limits::check(&scene, scene_node)?;
@@ -128,11 +180,18 @@ impl Experiment {
             Some(node) => read_measures(node)?,
             None => read_measures(&Node::read(&Source::new("default measures", DEFAULT_MEASURES))?)?,
         };
-        let swept = swept.iter().map(|setting| (setting.path.clone(), setting.value.canonical())).collect();
+        let scene_name = swept.scene.name.iter().map(|name| Varied {
+            path: "scene".into(),
+            value: name.clone(),
+            axis: "scene".into(),
+            axis_name: None,
+            value_name: None,
+        });
+        let settings = scene_name.chain(values.iter().map(Varied::from)).collect();
         let measures_origin = root.field("measure").map_or(root.head(), |node| node.origin.clone());
         let scene_node = scene_node.clone();
         let reuse = root.field("reuse").map_or(Ok(false), Node::parse)?;
         let chain = chain.to_string();
-        Ok(Cell { chain, settings: swept, scene, scene_node, measures_origin, stages, measures, reuse })
+        Ok(Cell { chain, settings, overrides, scene, scene_node, measures_origin, stages, measures, reuse })
     }
 }

@@ -55,6 +55,8 @@ pub enum Fault {
     Input,
     /// The experiment could not be carried out (device, disk, a failed check): exit status 1.
     Run,
+    /// Somebody has ended it: exit status 130, as shells have it.
+    Interrupted,
 }
 
 /// One message with the places it is about. The first label is the place to look at first.
@@ -73,6 +75,10 @@ impl Diagnostic {
 
     pub fn run(message: impl Into<String>) -> Self {
         Self { fault: Fault::Run, ..Self::input(message) }
+    }
+
+    pub fn interrupted(message: impl Into<String>) -> Self {
+        Self { fault: Fault::Interrupted, ..Self::input(message) }
     }
 
     pub fn at(mut self, origin: &Origin, label: impl Into<String>) -> Self {
@@ -94,6 +100,7 @@ impl Diagnostic {
         match self.fault {
             Fault::Input => 2,
             Fault::Run => 1,
+            Fault::Interrupted => 130,
         }
     }
 

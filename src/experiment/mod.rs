@@ -5,6 +5,7 @@ pub mod diagnostic;
 mod edit;
 mod excerpt;
 pub mod parameters;
+mod pieces;
 pub mod regular;
 pub mod scene;
 mod scene_limits;
@@ -17,7 +18,7 @@ use std::sync::Arc;
 
 use diagnostic::{Diagnostic, Origin, Source};
 use scene::Scene;
-use sweep::Axis;
+use sweep::{Axis, Varied};
 use tree::{Field, Kind, Node};
 
 /// An experiment file, read as far as it can be read without knowing its stages.
@@ -27,7 +28,10 @@ pub struct Experiment {
     /// Paths in the file are relative to this folder.
     pub folder: PathBuf,
     pub title: String,
+    /// The chain that tables compare the others with.
+    pub baseline: Option<String>,
     root: Node,
+    scenes: Arc<[cells::NamedScene]>,
     chain_names: Vec<String>,
     axes: Vec<Axis>,
 }
@@ -36,8 +40,10 @@ pub struct Experiment {
 #[derive(Clone, Debug)]
 pub struct Cell {
     pub chain: String,
-    /// The swept values, for the table and the records: path and value as written.
-    pub settings: Vec<(String, String)>,
+    /// The swept values.
+    pub settings: Vec<Varied>,
+    /// What the command line sets of it.
+    pub overrides: Vec<Varied>,
     pub scene: Scene,
     /// The scene as written, to point at parts of it.
     pub scene_node: Node,
@@ -69,7 +75,7 @@ const DEFAULT_MEASURES: &str = "[ScreenError, Time]";
 /// Stages that a chain has at most: the longest methods have twenty.
 const MOST_STAGES: usize = 1000;
 
-const FIELDS: [&str; 6] = ["title", "scene", "chains", "sweep", "measure", "reuse"];
+const FIELDS: [&str; 9] = ["title", "scene", "scenes", "pieces", "chains", "sweep", "measure", "reuse", "baseline"];
 
 impl Experiment {
     pub fn load(path: &Path) -> Result<Self, Diagnostic> {
@@ -81,7 +87,7 @@ impl Experiment {
     }
 
     pub fn read(source: Arc<Source>, folder: PathBuf) -> Result<Self, Diagnostic> {
-        let root = Node::read(&source)?;
+        let mut root = Node::read(&source)?;
         let fields = match &root.kind {
             Kind::Struct { fields, .. } if root.name().is_none_or(|name| name == "Experiment") => fields,
             _ => {
@@ -96,11 +102,17 @@ impl Experiment {
                     .suggest(name, FIELDS));
             }
         }
-        required(&root, "scene", &source)?;
+        let scenes = cells::read_scenes(&root, &source)?.into();
+        pieces::expand(&mut root)?;
         let chain_names = chain_names(required(&root, "chains", &source)?)?;
         let axes = root.field("sweep").map_or(Ok(Vec::new()), sweep::read_axes)?;
         let title = root.field("title").map_or(Ok(String::new()), Node::parse)?;
-        Ok(Self { title, folder, chain_names, axes, root, source })
+        let baseline = root.field("baseline").map(|node| baseline(node, &chain_names)).transpose()?;
+        Ok(Self { title, folder, scenes, chain_names, baseline, axes, root, source })
+    }
+
+    pub fn chain_names(&self) -> impl Iterator<Item = &str> + Clone {
+        self.chain_names.iter().map(String::as_str)
     }
 
     fn check_paths<'a>(&self, paths: impl Iterator<Item = (&'a String, &'a Origin)>) -> Result<(), Diagnostic> {
@@ -171,17 +183,38 @@ fn resolve(root: &Node, chain: &str, stages: &[Node], path: &str) -> Option<Vec<
 }
 
 impl Cell {
-    /// Chain and settings: what the user calls this cell.
+    /// Chain and swept values: what the user calls this cell.
     pub fn label(&self) -> String {
         label(&self.chain, &self.settings)
     }
+
+    /// Everything that makes it another cell than one of the same chain.
+    pub fn varied(&self) -> Vec<Varied> {
+        self.settings.iter().chain(&self.overrides).cloned().collect()
+    }
 }
 
-/// A chain and the values that were swept, by the last part of their paths.
-pub fn label(chain: &str, settings: &[(String, String)]) -> String {
-    let settings =
-        settings.iter().map(|(path, value)| format!("{}={value}", path.rsplit('.').next().unwrap_or_default()));
-    [vec![chain.to_string()], settings.collect()].concat().join(" ")
+/// A chain and the values that were varied. Paths of one axis that have the same value are named once.
+pub fn label(chain: &str, settings: &[Varied]) -> String {
+    let mut parts = vec![chain.to_string()];
+    for setting in settings {
+        let part = format!("{}={}", setting.shown_axis(), setting.shown_value());
+        let is_told = setting.axis_name.is_some() && parts[1..].contains(&part);
+        if !is_told {
+            parts.push(part);
+        }
+    }
+    parts.join(" ")
+}
+
+fn baseline(node: &Node, chains: &[String]) -> Result<String, Diagnostic> {
+    let name: String = node.parse()?;
+    match chains.contains(&name) {
+        true => Ok(name),
+        false => Err(Diagnostic::input(format!("there is no chain `{name}` to compare with"))
+            .at(&node.origin, "expected the name of a chain")
+            .suggest(&name, chains.iter().map(String::as_str))),
+    }
 }
 
 /// A path without the parts that only repeat a structure's own name (`camera.Flight.frames`), so that two ways to

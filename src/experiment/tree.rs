@@ -57,6 +57,22 @@ impl Node {
         }
     }
 
+    /// Reads what stands after the first `start` bytes of a source: a value, and further ones after commas.
+    pub fn read_several_from(source: &Arc<Source>, start: usize) -> Result<(Node, Vec<Node>), Diagnostic> {
+        let mut reader = Reader { source, at: start, depth: 0 };
+        let first = reader.value()?;
+        let mut others = Vec::new();
+        loop {
+            reader.skip_blank()?;
+            match reader.peek() {
+                None => return Ok((first, others)),
+                Some(',') => reader.at += 1,
+                Some(_) => return Err(reader.expected("the end of the text")),
+            }
+            others.push(reader.value()?);
+        }
+    }
+
     /// The identifier in front of the parentheses, or a bare identifier.
     pub fn name(&self) -> Option<&str> {
         match &self.kind {

@@ -190,6 +190,11 @@ impl Gpu {
         }
     }
 
+    /// Whether it still does what it is told, after an error.
+    pub fn is_alive(&self) -> bool {
+        timing::empty_submission_ms(self).is_ok()
+    }
+
     /// Runs `make` and turns what the device says about it into an error that names `what`.
     pub fn scoped<T>(&self, what: &str, make: impl FnOnce() -> T) -> Result<T, GpuError> {
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);

@@ -247,11 +247,7 @@ fn figures(
     truth: &TruthFrame,
 ) -> Vec<Measured> {
     let seen = Seen { plan, data: &prepared.data, frame: view, buffers, truth: Some(truth) };
-    let measured = |chosen: &Chosen| {
-        let mut tally = chosen.measure.begin();
-        tally.frame(&seen);
-        tally.finish().measured
-    };
+    let measured = |chosen: &Chosen| chosen.measure.begin().frame(&seen);
     prepared.measures.iter().flat_map(measured).collect()
 }
 

@@ -317,9 +317,7 @@ fn figures(
     let own = prepared.measures.iter().find(|chosen| chosen.info.name == screen_error::INFO.name);
     let Some(chosen) = own else { return Vec::new() };
     let buffers = BTreeMap::from([(id, bytes)]);
-    let mut tally = chosen.measure.begin();
-    tally.frame(&Seen { plan, data: &prepared.data, frame, buffers: &buffers, truth: Some(truth) });
-    tally.finish().measured
+    chosen.measure.begin().frame(&Seen { plan, data: &prepared.data, frame, buffers: &buffers, truth: Some(truth) })
 }
 
 impl Made {

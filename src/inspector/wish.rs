@@ -7,6 +7,7 @@ use super::document::Document;
 use crate::camera::Camera;
 use crate::experiment::Experiment;
 use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::sweep::Varied;
 use crate::gpu::Held;
 use crate::measure::Measured;
 use crate::plan::{BufferId, Plan};
@@ -30,7 +31,7 @@ impl Side {
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct CellName {
     pub chain: String,
-    pub settings: Vec<(String, String)>,
+    pub settings: Vec<Varied>,
 }
 
 /// The frame that is shown.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Figures, Info, Measure, Measured, Seen, Tally, read_as};
+use super::{Info, Kind, Known, Measure, Measured, Seen, Sums, Tally, read_as};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
@@ -16,6 +16,16 @@ pub const INFO: Info = Info {
     version: 1,
     parameters: schema::<Coverage>,
     read: read_as::<Coverage>,
+    figures: &[
+        Known::new(
+            "silhouette_misses",
+            "of pixels",
+            Kind::Error,
+            "share of pixels where one of drawn and true is sky and the other is surface",
+        ),
+        Known::new("drawn", "of pixels", Kind::Other, "share of pixels on which a surface was drawn"),
+        Known::new("true_surface", "of pixels", Kind::Other, "share of pixels on which the ground truth has a surface"),
+    ],
     columns: &[],
 };
 
@@ -57,32 +67,38 @@ pub struct Counts {
 
 impl Counts {
     /// Distances along the pixels' rays in metres, negative where there is no surface.
-    pub fn add(&mut self, drawn_m: &[f32], true_m: &[f64]) {
-        let count = |pick: fn(f32, f64) -> bool| drawn_m.iter().zip(true_m).filter(|(a, b)| pick(**a, **b)).count();
+    pub fn count(&mut self, drawn_m: &[f32], true_m: &[f64]) {
+        let found = |pick: fn(f32, f64) -> bool| drawn_m.iter().zip(true_m).filter(|(a, b)| pick(**a, **b)).count();
         self.pixels += drawn_m.len();
-        self.silhouette_misses += count(|drawn, truth| (drawn < 0.0) != (truth < 0.0));
-        self.drawn += count(|drawn, _| drawn >= 0.0);
-        self.true_hits += count(|_, truth| truth >= 0.0);
+        self.silhouette_misses += found(|drawn, truth| (drawn < 0.0) != (truth < 0.0));
+        self.drawn += found(|drawn, _| drawn >= 0.0);
+        self.true_hits += found(|_, truth| truth >= 0.0);
+    }
+}
+
+impl Sums for Counts {
+    fn of_frame(&self, seen: &Seen) -> Self {
+        let mut own = Self::default();
+        if let (Some(truth), Some(drawn)) = (seen.truth, seen.plan.products.latest::<Drawn<BufferId>>()) {
+            own.count(&seen.read(drawn.distance), &truth.distance_m);
+        }
+        own
     }
 
-    pub fn measured(&self) -> Vec<Measured> {
+    fn add(&mut self, frame: Self) {
+        self.pixels += frame.pixels;
+        self.silhouette_misses += frame.silhouette_misses;
+        self.drawn += frame.drawn;
+        self.true_hits += frame.true_hits;
+    }
+
+    fn measured(&self) -> Vec<Measured> {
         let share = |part: usize| (self.pixels > 0).then(|| part as f64 / self.pixels as f64);
         vec![
             Measured::new("silhouette_misses", share(self.silhouette_misses), "of pixels"),
             Measured::new("drawn", share(self.drawn), "of pixels"),
             Measured::new("true_surface", share(self.true_hits), "of pixels"),
         ]
-    }
-}
-
-impl Tally for Counts {
-    fn frame(&mut self, seen: &Seen) {
-        let (Some(truth), Some(drawn)) = (seen.truth, seen.plan.products.latest::<Drawn<BufferId>>()) else { return };
-        self.add(&seen.read(drawn.distance), &truth.distance_m);
-    }
-
-    fn finish(self: Box<Self>) -> Figures {
-        self.measured().into()
     }
 }
 
@@ -93,7 +109,7 @@ mod tests {
     #[test]
     fn sky_and_surface_are_told_apart() {
         let mut counts = Counts::default();
-        counts.add(&[1.0, -1.0, 3.0, -1.0], &[1.0, 2.0, -1.0, -1.0]);
+        counts.count(&[1.0, -1.0, 3.0, -1.0], &[1.0, 2.0, -1.0, -1.0]);
         assert_eq!(counts, Counts { pixels: 4, silhouette_misses: 2, drawn: 2, true_hits: 2 });
     }
 }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Figures, Info, Measure, Measured, Seen, Tally, read_as};
+use super::{Info, Kind, Known, Measure, Measured, Seen, Sums, Tally, read_as};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
@@ -16,6 +16,20 @@ pub const INFO: Info = Info {
     version: 1,
     parameters: schema::<ErrorBuffer>,
     read: read_as::<ErrorBuffer>,
+    figures: &[
+        Known::new(
+            "grid_error",
+            "normalised",
+            Kind::Other,
+            "mean of what the method says of the error of its grid points, in thresholds",
+        ),
+        Known::new(
+            "flagged",
+            "of pixels",
+            Kind::Other,
+            "share of pixels that the method says are over its threshold, and casts if it casts any",
+        ),
+    ],
     columns: &[],
 };
 
@@ -39,37 +53,46 @@ impl Measure for ErrorBuffer {
     }
 
     fn begin(&self) -> Box<dyn Tally> {
-        Box::new(Sums::default())
+        Box::new(Said::default())
     }
 }
 
 /// Sums over the frames of a cell.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+struct Said {
     points: usize,
     sum: f64,
     pixels: usize,
     flagged: usize,
 }
 
-impl Tally for Sums {
-    fn frame(&mut self, seen: &Seen) {
+impl Sums for Said {
+    fn of_frame(&self, seen: &Seen) -> Self {
+        let mut own = Self::default();
         if let Some(points) = seen.plan.products.latest::<PointErrors<BufferId>>() {
             let errors: Vec<f32> = seen.read(points.errors);
-            self.points += errors.len();
-            self.sum += errors.iter().map(|&error| f64::from(error)).sum::<f64>();
+            own.points = errors.len();
+            own.sum = errors.iter().map(|&error| f64::from(error)).sum::<f64>();
         }
         if let Some(error) = seen.plan.products.latest::<Drawn<BufferId>>().and_then(|drawn| drawn.error) {
             let errors: Vec<f32> = seen.read(error);
-            self.pixels += errors.len();
+            own.pixels = errors.len();
             // above 0 is over the threshold
-            self.flagged += errors.iter().filter(|&&error| error > 0.0).count();
+            own.flagged = errors.iter().filter(|&&error| error > 0.0).count();
         }
+        own
     }
 
-    fn finish(self: Box<Self>) -> Figures {
+    fn add(&mut self, frame: Self) {
+        self.points += frame.points;
+        self.sum += frame.sum;
+        self.pixels += frame.pixels;
+        self.flagged += frame.flagged;
+    }
+
+    fn measured(&self) -> Vec<Measured> {
         let mean = (self.points > 0).then(|| self.sum / self.points as f64);
         let share = (self.pixels > 0).then(|| self.flagged as f64 / self.pixels as f64);
-        vec![Measured::new("grid_error", mean, "normalised"), Measured::new("flagged", share, "of pixels")].into()
+        vec![Measured::new("grid_error", mean, "normalised"), Measured::new("flagged", share, "of pixels")]
     }
 }

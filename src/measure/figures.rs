@@ -78,6 +78,60 @@ impl From<Vec<Measured>> for Figures {
     }
 }
 
+/// What is known of a figure before it is measured: a line of `lodlab schema`.
+pub struct Known {
+    pub name: &'static str,
+    pub unit: &'static str,
+    pub meaning: &'static str,
+    pub kind: Kind,
+}
+
+/// What a figure is good for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// An error that can be plotted against time; less is better.
+    Error,
+    /// The same of what is better the more there is of it.
+    Likeness,
+    /// What a picture costs, besides time.
+    Cost,
+    /// Above zero, something is wrong with the picture: its cell stands apart and is on no front. The text says what.
+    Fault(&'static str),
+    Other,
+}
+
+impl Kind {
+    /// What `lodlab schema` calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Error | Kind::Likeness => "error",
+            Kind::Cost => "cost",
+            Kind::Fault(_) => "fault",
+            Kind::Other => "figure",
+        }
+    }
+}
+
+impl Known {
+    pub const fn new(name: &'static str, unit: &'static str, kind: Kind, meaning: &'static str) -> Self {
+        Self { name, unit, meaning, kind }
+    }
+}
+
+/// What is known of a figure of any measure.
+pub fn known(name: &str) -> Option<&'static Known> {
+    super::REGISTRY.iter().flat_map(|info| info.figures).find(|known| known.name == name)
+}
+
+/// What is wrong with a picture, by its figures.
+pub fn faults(measured: &[Measured]) -> Vec<String> {
+    let fault = |measured: &Measured| match (known(&measured.name)?.kind, measured.value) {
+        (Kind::Fault(what), Some(count)) if count > 0.0 => Some(format!("{what} ({count} {})", measured.unit)),
+        _ => None,
+    };
+    measured.iter().filter_map(fault).collect()
+}
+
 /// A column of a table.
 pub struct Column {
     pub heading: &'static str,

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Column, Figures, Info, Measure, Measured, Seen, Show, Tally, read_as};
+use super::{Column, Figures, Info, Kind, Known, Measure, Measured, Seen, Show, Sums, Tally, read_as};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
@@ -16,6 +16,16 @@ pub const INFO: Info = Info {
     version: 1,
     parameters: schema::<Image>,
     read: read_as::<Image>,
+    figures: &[
+        Known::new(
+            "psnr",
+            "dB",
+            Kind::Likeness,
+            "peak signal-to-noise ratio of the worst frame; none where all pictures are equal",
+        ),
+        Known::new("ssim", "", Kind::Likeness, "mean structural similarity of the worst frame, 1 for equal pictures"),
+        Known::new("equal_pictures", "", Kind::Other, "1 if all pictures are equal to those of the truth"),
+    ],
     columns: &[Column { heading: "psnr dB", figure: "psnr", show: Show::NumberUnless("equal_pictures") }],
 };
 
@@ -49,38 +59,40 @@ struct Worst {
     picture: Option<super::Picture>,
 }
 
-impl Tally for Worst {
-    fn frame(&mut self, seen: &Seen) {
+impl Sums for Worst {
+    fn of_frame(&self, seen: &Seen) -> Self {
         let offered = seen.plan.products.latest::<product::Picture<BufferId>>();
-        let (Some(truth), Some(offered)) = (seen.truth, offered) else { return };
+        let (Some(truth), Some(offered)) = (seen.truth, offered) else { return Self::default() };
         let pixels: Vec<u32> = seen.read(offered.pixels);
         let width = seen.data.scene.viewport.0;
         let drawn = Picture { width: width as usize, pixels: &pixels };
         let exact = Picture { pixels: &truth.colour, ..drawn };
-        let least = |worst: Option<f64>, new: f64| Some(worst.map_or(new, |worst| worst.min(new)));
-        match psnr_db(drawn, exact) {
-            Some(psnr_db) => self.psnr_db = least(self.psnr_db, psnr_db),
-            None => self.has_equal = true,
-        }
-        self.ssim = least(self.ssim, ssim(drawn, exact));
-        if seen.is_pictured() {
-            let rgb = pixels.iter().flat_map(|&pixel| [0, 1, 2].map(|at| channel(pixel, at) as u8)).collect();
-            self.picture = Some(super::Picture { kind: "image", width, rgb });
-        }
+        let rgb = || pixels.iter().flat_map(|&pixel| [0, 1, 2].map(|at| channel(pixel, at) as u8)).collect();
+        let picture = seen.is_pictured().then(|| super::Picture { kind: "image", width, rgb: rgb() });
+        let psnr_db = psnr_db(drawn, exact);
+        Self { psnr_db, ssim: Some(ssim(drawn, exact)), has_equal: psnr_db.is_none(), picture }
     }
 
-    fn finish(self: Box<Self>) -> Figures {
+    fn add(&mut self, frame: Self) {
+        let least = |a: Option<f64>, b: Option<f64>| a.into_iter().chain(b).reduce(f64::min);
+        self.psnr_db = least(self.psnr_db, frame.psnr_db);
+        self.ssim = least(self.ssim, frame.ssim);
+        self.has_equal |= frame.has_equal;
+        self.picture = self.picture.take().or(frame.picture);
+    }
+
+    fn measured(&self) -> Vec<Measured> {
         // equal pictures have no ratio and are better than any
         let equal = f64::from(self.has_equal && self.psnr_db.is_none());
-        Figures {
-            measured: vec![
-                Measured::new("psnr", self.psnr_db, "dB"),
-                Measured::new("ssim", self.ssim, ""),
-                Measured::new("equal_pictures", equal, ""),
-            ],
-            pictures: self.picture.into_iter().collect(),
-            warnings: Vec::new(),
-        }
+        vec![
+            Measured::new("psnr", self.psnr_db, "dB"),
+            Measured::new("ssim", self.ssim, ""),
+            Measured::new("equal_pictures", equal, ""),
+        ]
+    }
+
+    fn figures(self) -> Figures {
+        Figures { measured: self.measured(), pictures: self.picture.into_iter().collect(), warnings: Vec::new() }
     }
 }
 

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::triangles::{Listed, Triangles, cracks, folds, grid_triangles, largest_px};
-use super::{Column, Figures, Info, Measure, Measured, Seen, Show, Tally, pinholes, read_as};
+use super::{Column, Figures, Info, Kind, Known, Measure, Measured, Seen, Show, Sums, Tally, pinholes, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
@@ -19,6 +19,18 @@ pub const INFO: Info = Info {
     version: 3,
     parameters: schema::<Mesh>,
     read: read_as::<Mesh>,
+    figures: &[
+        Known::new("triangles", "", Kind::Cost, "triangles that were drawn, of the frame with the most of them"),
+        Known::new("cracks", "edges", Kind::Other, "edges along which triangles do not meet, all frames together"),
+        Known::new("folded", "triangles", Kind::Other, "triangles that are turned over, all frames together"),
+        Known::new("largest_cell", "px", Kind::Other, "the largest side of a triangle in the picture"),
+        Known::new(
+            "pinholes",
+            "pixels",
+            Kind::Fault("has holes"),
+            "pixels through which one sees, all frames together",
+        ),
+    ],
     columns: &[
         Column { heading: "triangles", figure: "triangles", show: Show::Count },
         Column { heading: "cracks", figure: "cracks", show: Show::Count },
@@ -82,31 +94,54 @@ impl Measure for Mesh {
     }
 }
 
-impl Tally for Summary {
-    fn frame(&mut self, seen: &Seen) {
+impl Sums for Summary {
+    fn of_frame(&self, seen: &Seen) -> Self {
         let subject = Subject::of(&seen.plan.products);
-        self.is_drawn = subject.drawn.is_some();
+        let mut own = Self { is_drawn: subject.drawn.is_some(), ..Self::default() };
         let ground = seen.data.ground.as_ref();
         match subject.mesh {
             None => {}
             Some(product::Mesh::Grid(grid)) => {
                 let columns = seen.plan.buffer(grid.vertex).dims[1] as usize;
-                self.add(&grid_triangles(&seen.read(grid.vertex), columns), ground, seen.camera());
+                own.add_grid(&grid_triangles(&seen.read(grid.vertex), columns), ground, seen.camera());
             }
             Some(product::Mesh::List(list)) => {
                 let drawn_vertices = seen.read::<u32>(list.count).first().copied().unwrap_or(0);
                 let triangles = Listed::new(&seen.read(list.triangle), drawn_vertices);
                 let drawn_m: Option<Vec<f32>> = subject.drawn.map(|drawn| seen.read(drawn.distance));
                 let both_m = drawn_m.as_deref().zip(seen.truth.map(|truth| &truth.distance_m[..]));
-                self.add_list(&triangles, ground, seen.camera(), both_m);
+                own.add_list(&triangles, ground, seen.camera(), both_m);
             }
         }
+        own
     }
 
-    fn finish(self: Box<Self>) -> Figures {
+    fn add(&mut self, frame: Self) {
+        self.is_drawn = frame.is_drawn;
+        self.triangles = self.triangles.max(frame.triangles);
+        self.cracks += frame.cracks;
+        self.folds += frame.folds;
+        self.pinholes = self.pinholes.into_iter().chain(frame.pinholes).reduce(|a, b| a + b);
+        self.largest_px = self.largest_px.into_iter().chain(frame.largest_px).reduce(f64::max);
+    }
+
+    fn measured(&self) -> Vec<Measured> {
+        let mut measures = vec![
+            Measured::new("triangles", self.triangles as f64, ""),
+            Measured::new("cracks", self.cracks as f64, "edges"),
+            Measured::new("folded", self.folds as f64, "triangles"),
+            Measured::new("largest_cell", self.largest_px, "px"),
+        ];
+        if let Some(pinholes) = self.pinholes {
+            measures.push(Measured::new("pinholes", pinholes as f64, "pixels"));
+        }
+        measures
+    }
+
+    fn figures(self) -> Figures {
         let unseen = "`Mesh` measures a mesh that no stage draws".to_string();
         let warnings = if self.is_drawn { Vec::new() } else { vec![unseen] };
-        Figures { measured: self.measures(), pictures: Vec::new(), warnings }
+        Figures { measured: self.measured(), pictures: Vec::new(), warnings }
     }
 }
 
@@ -122,7 +157,7 @@ struct Summary {
 }
 
 impl Summary {
-    fn add(&mut self, mesh: &Triangles, ground: &dyn Ground, camera: &Camera) {
+    fn add_grid(&mut self, mesh: &Triangles, ground: &dyn Ground, camera: &Camera) {
         self.cracks += cracks(mesh);
         self.add_uncracked(mesh, ground, camera);
     }
@@ -151,18 +186,5 @@ impl Summary {
             (Some(a), Some(b)) => Some(a.max(b)),
             (a, b) => a.or(b),
         };
-    }
-
-    fn measures(&self) -> Vec<Measured> {
-        let mut measures = vec![
-            Measured::new("triangles", self.triangles as f64, ""),
-            Measured::new("cracks", self.cracks as f64, "edges"),
-            Measured::new("folded", self.folds as f64, "triangles"),
-            Measured::new("largest_cell", self.largest_px, "px"),
-        ];
-        if let Some(pinholes) = self.pinholes {
-            measures.push(Measured::new("pinholes", pinholes as f64, "pixels"));
-        }
-        measures
     }
 }

@@ -25,7 +25,7 @@ use crate::experiment::tree::Node;
 use crate::plan::{BufferId, Chain, Plan};
 use crate::scene::SceneData;
 
-pub use figures::{Column, Figures, Measured, Picture, Show};
+pub use figures::{Column, Figures, Kind, Known, Measured, Picture, Show, faults, known};
 pub use truth::TruthFrame;
 
 /// Makes the modules and the registry of one list.
@@ -58,6 +58,8 @@ pub struct Info {
     /// What is known of its parameters; see [`parameters::describe`].
     pub parameters: fn() -> Schema,
     pub read: fn(&Node) -> Result<Read, Diagnostic>,
+    /// Every figure that it can give.
+    pub figures: &'static [Known],
     /// What tables show of it.
     pub columns: &'static [Column],
 }
@@ -91,16 +93,54 @@ pub trait Measure: Debug + Send + Sync {
 
 /// What a measure sums up over the frames of a cell.
 pub trait Tally {
-    fn frame(&mut self, seen: &Seen);
+    /// Looks at a frame; the figures of this frame alone.
+    fn frame(&mut self, seen: &Seen) -> Vec<Measured>;
 
     fn finish(self: Box<Self>) -> Figures;
 }
 
+/// Sums to which each frame adds its own.
+pub trait Sums {
+    /// Those of one frame, with the parameters of these.
+    fn of_frame(&self, seen: &Seen) -> Self
+    where
+        Self: Sized;
+
+    fn add(&mut self, frame: Self)
+    where
+        Self: Sized;
+
+    fn measured(&self) -> Vec<Measured>;
+
+    /// The figures with what else there is to show and to say.
+    fn figures(self) -> Figures
+    where
+        Self: Sized,
+    {
+        self.measured().into()
+    }
+}
+
+impl<S: Sums> Tally for S {
+    fn frame(&mut self, seen: &Seen) -> Vec<Measured> {
+        let frame = self.of_frame(seen);
+        let measured = frame.measured();
+        self.add(frame);
+        measured
+    }
+
+    fn finish(self: Box<Self>) -> Figures {
+        self.figures()
+    }
+}
+
 /// Frames before the first that counts, and how often the path is timed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampling {
     pub warmup: u32,
+    /// At least.
     pub repeats: u32,
+    pub until: Option<time::Until>,
 }
 
 /// A frame that is over.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::coverage::{Counts, drawn_distance};
 use super::distribution::Distribution;
 use super::missed::Missed;
-use super::{Column, Figures, Info, Measure, Measured, Picture, Seen, Show, Tally, read_as};
+use super::{Column, Figures, Info, Kind, Known, Measure, Measured, Picture, Seen, Show, Sums, Tally, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
@@ -25,6 +25,51 @@ pub const INFO: Info = Info {
     version: 4,
     parameters: schema::<ScreenError>,
     read: read_as::<ScreenError>,
+    figures: &[
+        Known::new("error_max", "px", Kind::Error, "maximum of the screen-space error over all pixels of all frames"),
+        Known::new("error_mean", "px", Kind::Error, "mean of the screen-space error over all pixels of all frames"),
+        Known::new(
+            "error_rms",
+            "px",
+            Kind::Error,
+            "root of the mean square of the screen-space error over all pixels of all frames",
+        ),
+        Known::new("error_p50", "px", Kind::Error, "median of the screen-space error over all pixels of all frames"),
+        Known::new(
+            "error_p95",
+            "px",
+            Kind::Error,
+            "95th percentile of the screen-space error over all pixels of all frames",
+        ),
+        Known::new(
+            "error_p99",
+            "px",
+            Kind::Error,
+            "99th percentile of the screen-space error over all pixels of all frames",
+        ),
+        Known::new("over_threshold", "of pixels", Kind::Error, "share of pixels whose error is above the threshold"),
+        Known::new(
+            "silhouette_misses",
+            "of pixels",
+            Kind::Error,
+            "share of pixels where one of drawn and true is sky and the other is surface",
+        ),
+        Known::new("drawn", "of pixels", Kind::Other, "share of pixels on which a surface was drawn"),
+        Known::new("true_surface", "of pixels", Kind::Other, "share of pixels on which the ground truth has a surface"),
+        Known::new(
+            "bound_violations",
+            "pixels",
+            Kind::Fault("breaks the bound that it promises"),
+            "pixels whose error is above the bound that the method promises, all frames together",
+        ),
+        Known::new(
+            "bound_worst",
+            "px",
+            Kind::Other,
+            "largest error of any pixel, of a method that promises a bound; it can be infinite",
+        ),
+        Known::new("truth_error_max", "px", Kind::Other, "how far off the ground truth itself can be"),
+    ],
     columns: &[
         Column { heading: "error mean px", figure: "error_mean", show: Show::Number },
         Column { heading: "rms", figure: "error_rms", show: Show::Number },
@@ -142,23 +187,54 @@ struct Summary {
     picture: Option<Picture>,
 }
 
-impl Tally for Summary {
-    fn frame(&mut self, seen: &Seen) {
-        let (Some(truth), Some(drawn)) = (seen.truth, seen.plan.products.latest::<Drawn<BufferId>>()) else { return };
+impl Sums for Summary {
+    fn of_frame(&self, seen: &Seen) -> Self {
+        let mut own = Self { threshold_px: self.threshold_px, ..Self::default() };
+        let (Some(truth), Some(drawn)) = (seen.truth, seen.plan.products.latest::<Drawn<BufferId>>()) else {
+            return own;
+        };
         let drawn_m: Vec<f32> = seen.read(drawn.distance);
         let bound_px = drawn.promise.map(|promise| promise.bound_px);
         let ground = seen.data.ground.as_ref();
         let found = frame(ground, seen.camera(), &drawn_m, &truth.distance_m, bound_px);
-        self.add(&found);
-        self.truth_px = Some(self.truth_px.unwrap_or(0.0).max(truth.error_px));
-        self.counts.add(&drawn_m, &truth.distance_m);
+        own.pixels_of(&found);
+        own.truth_px = Some(truth.error_px);
+        own.counts.count(&drawn_m, &truth.distance_m);
         if seen.is_pictured() {
-            self.picture =
-                Some(self.heat_map(seen.data.scene.viewport.0, &found.error_px, &drawn_m, &truth.distance_m));
+            let width = seen.data.scene.viewport.0;
+            own.picture = Some(own.heat_map(width, &found.error_px, &drawn_m, &truth.distance_m));
         }
+        own
     }
 
-    fn finish(self: Box<Self>) -> Figures {
+    fn add(&mut self, frame: Self) {
+        self.errors.merge(&frame.errors);
+        self.over_threshold += frame.over_threshold;
+        self.pixels += frame.pixels;
+        self.counts.add(frame.counts);
+        if let Some(frame) = frame.broken {
+            let broken = self.broken.get_or_insert_default();
+            broken.pixels += frame.pixels;
+            broken.worst_px = broken.worst_px.max(frame.worst_px);
+        }
+        self.truth_px = self.truth_px.into_iter().chain(frame.truth_px).reduce(f64::max);
+        self.picture = self.picture.take().or(frame.picture);
+    }
+
+    fn measured(&self) -> Vec<Measured> {
+        let over = (self.pixels > 0).then(|| self.over_threshold as f64 / self.pixels as f64);
+        let mut measured = self.errors.named("error");
+        measured.push(Measured::new("over_threshold", over, "of pixels"));
+        measured.extend(self.counts.measured());
+        if let Some(broken) = self.broken {
+            measured.push(Measured::new("bound_violations", broken.pixels as f64, "pixels"));
+            measured.push(Measured::unbounded("bound_worst", broken.worst_px, "px"));
+        }
+        measured.push(Measured::new("truth_error_max", self.truth_px, "px"));
+        measured
+    }
+
+    fn figures(self) -> Figures {
         let is_inexact = |error_px: &f64| *error_px > EXACT_PX;
         let warning =
             |error_px| format!("the ground truth itself is off by up to {error_px:.3} px: smaller errors say nothing");
@@ -168,30 +244,13 @@ impl Tally for Summary {
 }
 
 impl Summary {
-    fn add(&mut self, frame: &FrameError) {
+    fn pixels_of(&mut self, frame: &FrameError) {
         for error in frame.error_px.iter().filter(|error| !error.is_nan()).map(|&error| f64::from(error)) {
-            self.errors.add(error);
+            self.errors.count(error);
             self.over_threshold += usize::from(error > self.threshold_px);
         }
         self.pixels += frame.error_px.len();
-        if let Some(frame) = frame.broken {
-            let broken = self.broken.get_or_insert_default();
-            broken.pixels += frame.pixels;
-            broken.worst_px = broken.worst_px.max(frame.worst_px);
-        }
-    }
-
-    fn measured(&self) -> Vec<Measured> {
-        let over = (self.pixels > 0).then(|| self.over_threshold as f64 / self.pixels as f64);
-        let mut measured = self.errors.measured("error");
-        measured.push(Measured::new("over_threshold", over, "of pixels"));
-        measured.extend(self.counts.measured());
-        if let Some(broken) = self.broken {
-            measured.push(Measured::new("bound_violations", broken.pixels as f64, "pixels"));
-            measured.push(Measured::unbounded("bound_worst", broken.worst_px, "px"));
-        }
-        measured.push(Measured::new("truth_error_max", self.truth_px, "px"));
-        measured
+        self.broken = frame.broken;
     }
 
     /// Error in pixels from black (none) over red and yellow to white (four thresholds and more); grey is sky, and blue are pixels where

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Column, Figures, Info, Measure, Sampling, Seen, Show, Tally, read_as};
+use super::{Column, Figures, Info, Measure, Measured, Sampling, Seen, Show, Tally, read_as};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::plan::{BufferId, Chain};
@@ -15,6 +15,7 @@ pub const INFO: Info = Info {
     version: 2,
     parameters: schema::<Time>,
     read: read_as::<Time>,
+    figures: &[],
     columns: &[
         Column { heading: "method ms", figure: "method_ms", show: Show::Number },
         Column { heading: "frame ms", figure: "frame_ms", show: Show::Number },
@@ -30,11 +31,31 @@ pub struct Time {
     /// how often the whole camera path is timed; 0 is once, too
     #[schemars(range(max = 100000))]
     repeats: u32,
+    /// time the path again until its time is known well enough: `(noise: 0.01, seconds: 10)`
+    until: Option<Until>,
+}
+
+/// When a path has been timed often enough.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Until {
+    /// how far off the median time of the path may be, as a share of it (one standard error)
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub noise: f64,
+    /// but no longer than that
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub seconds: f64,
+}
+
+impl Default for Until {
+    fn default() -> Self {
+        Self { noise: 0.01, seconds: 10.0 }
+    }
 }
 
 impl Default for Time {
     fn default() -> Self {
-        Self { warmup: 2, repeats: 1 }
+        Self { warmup: 2, repeats: 1, until: None }
     }
 }
 
@@ -48,7 +69,7 @@ impl Measure for Time {
     }
 
     fn sampling(&self) -> Option<Sampling> {
-        Some(Sampling { warmup: self.warmup, repeats: self.repeats.max(1) })
+        Some(Sampling { warmup: self.warmup, repeats: self.repeats.max(1), until: self.until })
     }
 
     fn begin(&self) -> Box<dyn Tally> {
@@ -60,7 +81,9 @@ impl Measure for Time {
 struct Nothing;
 
 impl Tally for Nothing {
-    fn frame(&mut self, _seen: &Seen) {}
+    fn frame(&mut self, _seen: &Seen) -> Vec<Measured> {
+        Vec::new()
+    }
 
     fn finish(self: Box<Self>) -> Figures {
         Figures::default()
@@ -89,9 +112,25 @@ pub fn spread(mut samples: Vec<f64>) -> Option<Spread> {
     Some(Spread { median: at(0.5), lower_quartile: at(0.25), upper_quartile: at(0.75), samples: samples.len() })
 }
 
+/// The standard error of the median of some samples, as a share of it: from the quartiles, as if the samples were spread normally. `None` of
+/// fewer than three, of which nothing can be said.
+pub fn noise(samples: Vec<f64>) -> Option<f64> {
+    let Spread { median, lower_quartile, upper_quartile, samples } = spread(samples)?;
+    // a normal distribution has 1.349 standard deviations between its quartiles, and its median an error of 1.2533 of them over the root
+    let error = 1.2533 / 1.349 * (upper_quartile - lower_quartile) / (samples as f64).sqrt();
+    (samples >= 3 && median > 0.0).then_some(error / median)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn noise_falls_with_the_root_of_the_samples() {
+        let of = |count: usize| noise((0..count).map(|at| 1.0 + (at % 11) as f64 / 100.0).collect()).unwrap();
+        assert!((of(1100) / of(11) - 0.1).abs() < 0.03);
+        assert_eq!((noise(vec![1.0, 1.0]), noise(vec![3.0; 5])), (None, Some(0.0)));
+    }
 
     #[test]
     fn quartiles_are_between_the_samples() {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mesh::Subject;
 use super::triangles::Listed;
-use super::{Figures, Info, Measure, Measured, Seen, Tally, read_as};
+use super::{Info, Kind, Known, Measure, Measured, Seen, Sums, Tally, read_as};
 use crate::camera::Camera;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
@@ -21,6 +21,22 @@ pub const INFO: Info = Info {
     version: 1,
     parameters: schema::<VertexError>,
     read: read_as::<VertexError>,
+    figures: &[
+        Known::new(
+            "vertex_error_max",
+            "px",
+            Kind::Error,
+            "maximum of the error of vertices in the picture, all frames",
+        ),
+        Known::new("vertex_error_mean", "px", Kind::Error, "mean of the error of vertices in the picture, all frames"),
+        Known::new(
+            "vertex_error_rms",
+            "px",
+            Kind::Error,
+            "root of the mean square of the error of vertices in the picture, all frames",
+        ),
+        Known::new("vertices_outside", "of vertices", Kind::Other, "share of vertices outside the picture"),
+    ],
     columns: &[],
 };
 
@@ -34,13 +50,13 @@ impl Measure for VertexError {
     }
 
     fn begin(&self) -> Box<dyn Tally> {
-        Box::new(Sums::default())
+        Box::new(VertexSums::default())
     }
 }
 
 /// Sums over the vertices of all frames.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+struct VertexSums {
     vertices: usize,
     /// Vertices in the picture and over the terrain, which the errors are of.
     seen: usize,
@@ -49,9 +65,9 @@ struct Sums {
     largest_px: f64,
 }
 
-impl Sums {
+impl VertexSums {
     /// `vertex` is relative to the eye, in metres.
-    fn add(&mut self, ground: &dyn Ground, camera: &Camera, vertex: DVec3) {
+    fn place(&mut self, ground: &dyn Ground, camera: &Camera, vertex: DVec3) {
         self.vertices += 1;
         let point = vertex + camera.eye_m;
         let is_on_ground = ground.margin_m(point) >= 0.0;
@@ -68,15 +84,16 @@ impl Sums {
     }
 }
 
-impl Tally for Sums {
-    fn frame(&mut self, seen: &Seen) {
+impl Sums for VertexSums {
+    fn of_frame(&self, seen: &Seen) -> Self {
+        let mut own = Self::default();
         let (ground, camera) = (seen.data.ground.as_ref(), seen.camera());
         match Subject::of(&seen.plan.products).mesh {
             None => {}
             Some(Mesh::Grid(grid)) => {
                 let vertices: Vec<[f32; 4]> = seen.read(grid.vertex);
                 for [x, y, z, _] in vertices {
-                    self.add(ground, camera, DVec3::new(x.into(), y.into(), z.into()));
+                    own.place(ground, camera, DVec3::new(x.into(), y.into(), z.into()));
                 }
             }
             Some(Mesh::List(list)) => {
@@ -84,13 +101,22 @@ impl Tally for Sums {
                 let corners = seen.read::<u32>(list.count).first().copied().unwrap_or(0);
                 let placed = Listed::new(&seen.read(list.triangle), corners).placed(ground, camera);
                 for corner in placed.corners.iter().flatten() {
-                    self.add(ground, camera, DVec3::from(corner.map(f64::from)));
+                    own.place(ground, camera, DVec3::from(corner.map(f64::from)));
                 }
             }
         }
+        own
     }
 
-    fn finish(self: Box<Self>) -> Figures {
+    fn add(&mut self, frame: Self) {
+        self.vertices += frame.vertices;
+        self.seen += frame.seen;
+        self.sum_px += frame.sum_px;
+        self.sum_of_squares += frame.sum_of_squares;
+        self.largest_px = self.largest_px.max(frame.largest_px);
+    }
+
+    fn measured(&self) -> Vec<Measured> {
         let mean = |sum: f64| (self.seen > 0).then(|| sum / self.seen as f64);
         let outside = (self.vertices > 0).then(|| 1.0 - self.seen as f64 / self.vertices as f64);
         vec![
@@ -99,7 +125,6 @@ impl Tally for Sums {
             Measured::new("vertex_error_rms", mean(self.sum_of_squares).map(f64::sqrt), "px"),
             Measured::new("vertices_outside", outside, "of vertices"),
         ]
-        .into()
     }
 }
 
@@ -122,15 +147,15 @@ mod tests {
         let field = HeightField::load(&scene.terrain, "".as_ref()).unwrap();
         let ground = Samples::new(Arc::new(field), scene.surface);
         let camera = Camera::looking_at(DVec3::new(160.0, 0.0, 50.0), DVec3::new(160.0, 100.0, 50.0), &scene);
-        let mut sums = Sums::default();
+        let mut sums = VertexSums::default();
         // 100 m away, half of 100 rows are 100 m: half a pixel a metre
-        sums.add(&ground, &camera, DVec3::new(0.0, 100.0, 0.0));
+        sums.place(&ground, &camera, DVec3::new(0.0, 100.0, 0.0));
         assert!(sums.largest_px < 1e-9);
-        sums.add(&ground, &camera, DVec3::new(0.0, 100.0, 6.0));
+        sums.place(&ground, &camera, DVec3::new(0.0, 100.0, 6.0));
         assert!((sums.largest_px - 3.0).abs() < 1e-9, "{}", sums.largest_px);
         // behind the eye, beside the terrain
-        sums.add(&ground, &camera, DVec3::new(0.0, -100.0, 0.0));
-        sums.add(&ground, &camera, DVec3::new(500.0, 1000.0, 0.0));
+        sums.place(&ground, &camera, DVec3::new(0.0, -100.0, 0.0));
+        sums.place(&ground, &camera, DVec3::new(500.0, 1000.0, 0.0));
         assert_eq!((sums.vertices, sums.seen), (4, 2));
     }
 }

@@ -1,8 +1,9 @@
-//! The table a run ends with.
+//! The table of cells.
 
 use comfy_table::{CellAlignment, Table, presets};
 
 use super::Record;
+use crate::measure::time::Spread;
 use crate::measure::{self, Column, Show};
 
 /// What the measures of these records show, in the order of the registry: the columns that any record has a figure for.
@@ -20,21 +21,34 @@ pub fn header(columns: &[&Column]) -> Vec<&'static str> {
 pub fn rows(columns: &[&Column], records: &[Record]) -> Vec<Vec<String>> {
     let row = |record: &Record| {
         let shown = columns.iter().map(|column| shown(column, record));
-        std::iter::once(record.label()).chain(shown).collect()
+        std::iter::once(label(record)).chain(shown).collect()
     };
     records.iter().map(row).collect()
+}
+
+/// What the user calls the cell; one whose picture is wrong is marked.
+fn label(record: &Record) -> String {
+    if record.faults().is_empty() { record.label() } else { format!("! {}", record.label()) }
 }
 
 fn shown(column: &Column, record: &Record) -> String {
     let value = record.figure(column.figure);
     let number = |value: Option<f64>| value.map_or("-".into(), digits);
-    match column.show {
-        Show::Number => number(value),
-        Show::Percent => number(value.map(|share| share * 100.0)),
-        Show::Count => value.map_or("-".into(), |count| count.to_string()),
-        Show::NumberUnless(equal) if record.figure(equal) == Some(1.0) => "equal".into(),
-        Show::NumberUnless(_) => number(value),
+    match (column.show, column.figure) {
+        (Show::Number, "method_ms") => record.method().map_or("-".into(), with_spread),
+        (Show::Number, "frame_ms") => record.frame().map_or("-".into(), with_spread),
+        (Show::Number, _) => number(value),
+        (Show::Percent, _) => number(value.map(|share| share * 100.0)),
+        (Show::Count, _) => value.map_or("-".into(), |count| count.to_string()),
+        (Show::NumberUnless(equal), _) if record.figure(equal) == Some(1.0) => "equal".into(),
+        (Show::NumberUnless(_), _) => number(value),
     }
+}
+
+/// A median, and half of what is between the quartiles.
+fn with_spread(spread: &Spread) -> String {
+    let half = (spread.upper_quartile - spread.lower_quartile) / 2.0;
+    if spread.samples < 3 { digits(spread.median) } else { format!("{} +- {}", digits(spread.median), digits(half)) }
 }
 
 pub fn table(records: &[Record]) -> String {
@@ -49,7 +63,7 @@ pub fn table(records: &[Record]) -> String {
 }
 
 /// Three significant digits.
-fn digits(value: f64) -> String {
+pub fn digits(value: f64) -> String {
     match value.abs() {
         0.0 => "0".into(),
         100.0.. => format!("{value:.0}"),

@@ -13,8 +13,9 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::{Executor, Gpu};
 use crate::measure::{Figures, Measured, Picture, Sampling, Seen, Tally};
 use crate::plan::{BufferId, Often, Plan, Storage};
-use crate::report::pictures;
-use crate::report::records::{Store, Timings};
+use crate::report::page::picture_name;
+use crate::report::records::Timings;
+use crate::report::{Store, pictures};
 
 pub struct Context<'a> {
     pub gpu: &'a Arc<Gpu>,
@@ -28,6 +29,8 @@ pub struct Context<'a> {
 
 pub struct Results {
     pub measures: Vec<Measured>,
+    /// Figures of each frame, by their names.
+    pub by_frame: BTreeMap<String, Vec<Option<f64>>>,
     /// What each picture of a buffer shows, and its file.
     pub looks: Vec<(String, String)>,
     pub timings: Timings,
@@ -35,15 +38,13 @@ pub struct Results {
     pub warnings: Vec<String>,
 }
 
-pub fn picture_name(hash: &str, kind: &str) -> String {
-    format!("pictures/{hash}_{kind}.png")
-}
-
 /// How the run of a cell ended.
 pub enum Ended {
     Done(Box<Results>),
     /// A list was too short in some frame, and nothing of this run counts.
     Overflowed(Overflow),
+    /// Somebody has asked for the end.
+    Stopped,
 }
 
 pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Diagnostic> {
@@ -66,14 +67,18 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
             return Ok(Ended::Overflowed(overflow));
         }
         looks.frame(&executor, frame, truth.as_deref_mut())?;
+        if context.options.stop.is_wanted() {
+            return Ok(Ended::Stopped);
+        }
         (context.tell)(Event::Frame { done: frame + 1, of: plan.frames });
     }
     // timed apart: reading back and measuring between frames leaves caches and clocks as no renderer has them
     let asked_for = prepared.measures.iter().find_map(|chosen| chosen.measure.sampling());
-    let sampling = asked_for.unwrap_or(Sampling { warmup: 0, repeats: 1 });
-    let samples = match timed(gpu, plan, &mut executor, sampling)? {
+    let sampling = asked_for.unwrap_or(Sampling { warmup: 0, repeats: 1, until: None });
+    let samples = match timed(gpu, plan, &mut executor, sampling, &context.options.stop)? {
         Timed::Frames(samples) => samples,
         Timed::Overflowed(overflow) => return Ok(Ended::Overflowed(overflow)),
+        Timed::Stopped => return Ok(Ended::Stopped),
     };
     let mut warnings = gpu.warn_of_loops(plan);
     if !on_cpu.is_empty() {
@@ -88,13 +93,13 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     };
     let timings = timings(plan, &executor, &once, &samples);
     let buffers = looks.hashes();
-    let pictured = std::mem::take(&mut looks.pictured);
-    let figures = looks.finish();
-    for picture in &figures.pictures {
+    let (looked_at, by_frame) = (std::mem::take(&mut looks.pictured), std::mem::take(&mut looks.by_frame));
+    let Figures { measured: measures, pictures, warnings: said } = looks.finish();
+    for picture in &pictures {
         write_picture(context, picture)?;
     }
-    warnings.extend(figures.warnings);
-    Ok(Ended::Done(Box::new(Results { measures: figures.measured, looks: pictured, timings, buffers, warnings })))
+    warnings.extend(said);
+    Ok(Ended::Done(Box::new(Results { measures, by_frame, looks: looked_at, timings, buffers, warnings })))
 }
 
 fn write_picture(context: &Context, picture: &Picture) -> Result<(), Diagnostic> {
@@ -106,6 +111,7 @@ fn write_picture(context: &Context, picture: &Picture) -> Result<(), Diagnostic>
 struct Looks<'c, 'a> {
     context: &'c Context<'a>,
     tallies: Vec<Box<dyn Tally>>,
+    by_frame: BTreeMap<String, Vec<Option<f64>>>,
     hashers: Vec<blake3::Hasher>,
     /// What each picture of a buffer shows, and its file.
     pictured: Vec<(String, String)>,
@@ -117,6 +123,7 @@ impl<'c, 'a> Looks<'c, 'a> {
         Self {
             context,
             tallies: job.prepared.measures.iter().map(|chosen| chosen.measure.begin()).collect(),
+            by_frame: BTreeMap::new(),
             hashers: vec![blake3::Hasher::new(); context.plan.outputs.len()],
             pictured: Vec::new(),
         }
@@ -134,7 +141,14 @@ impl<'c, 'a> Looks<'c, 'a> {
             buffers.insert(id, bytes);
         }
         let seen = Seen { plan, data: &prepared.data, frame, buffers: &buffers, truth: truth.as_ref() };
-        self.tallies.iter_mut().for_each(|tally| tally.frame(&seen));
+        for figure in self.tallies.iter_mut().flat_map(|tally| tally.frame(&seen)).collect::<Vec<_>>() {
+            let frames = self.by_frame.entry(figure.name).or_default();
+            // of several measures with one figure the first
+            if frames.len() <= frame {
+                frames.resize(frame, None);
+                frames.push(figure.value.filter(|value| value.is_finite()));
+            }
+        }
         if self.context.options.every_frame || seen.is_pictured() {
             self.picture(executor, frame)?;
         }

@@ -8,7 +8,7 @@ use crate::experiment::Cell;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::Gpu;
 use crate::plan::{Capacities, Plan};
-use crate::report::records::{self, Identity};
+use crate::report::records::{self, Identity, SceneSummary};
 use crate::scene::{HEIGHT, Input, SceneData};
 
 /// A cell, and the plan of the ground truth that it is compared with. Its own plan is made when it is needed: ten thousand of them are large.
@@ -97,6 +97,19 @@ impl Job {
             adapter: gpu.summary.identity(),
             format: records::FORMAT,
             parameters: self.parameters.clone(),
+        }
+    }
+
+    /// What the cell looks at.
+    pub fn scene(&self, identity: &Identity) -> SceneSummary {
+        let data = &self.prepared.data;
+        let key = blake3::hash(format!("{} {}", identity.terrain, data.fingerprint()).as_bytes());
+        let terrain = self.prepared.cell.scene_node.field("terrain").map(|node| node.canonical());
+        SceneSummary {
+            key: key.to_hex().as_str()[..16].into(),
+            terrain: terrain.unwrap_or_default(),
+            viewport: data.scene.viewport,
+            frames: data.cameras().len(),
         }
     }
 

@@ -40,9 +40,19 @@ pub fn prepare_each<'a>(
     experiment: &'a Experiment,
     settings: &'a [Setting],
 ) -> Result<impl Iterator<Item = Result<Prepared, Diagnostic>> + use<'a>, Diagnostic> {
+    prepare_some(experiment, settings, |_, _| true)
+}
+
+/// Those of them that are wanted, by their number and what they are.
+pub fn prepare_some<'a>(
+    experiment: &'a Experiment,
+    settings: &'a [Setting],
+    is_wanted: impl Fn(usize, &Cell) -> bool + 'a,
+) -> Result<impl Iterator<Item = Result<Prepared, Diagnostic>> + 'a, Diagnostic> {
     let mut scenes = Scenes::default();
-    let cells = experiment.each_cell(settings)?;
-    Ok(cells.map(move |cell| {
+    let cells = experiment.each_cell(settings)?.enumerate();
+    let wanted = cells.filter(move |(at, cell)| cell.as_ref().map_or(true, |cell| is_wanted(*at, cell)));
+    Ok(wanted.map(move |(_, cell)| {
         let prepared = scenes.prepare(cell?, &experiment.folder)?;
         scenes.check_frames(&prepared.cell)?;
         Ok(prepared)

@@ -69,6 +69,7 @@ pub fn shared_dem() -> PathBuf {
     Path::new(ROOT).join("../shared/dem")
 }
 
+/// The records of the last run's cells, in the order of its file.
 pub fn records(folder: &Path) -> Vec<serde_json::Value> {
     let text = std::fs::read_to_string(folder.join("records.json")).expect("records.json is there");
     serde_json::from_str(&text).expect("records.json is JSON")

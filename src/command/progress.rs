@@ -1,0 +1,132 @@
+//! What a run says while it goes on: a line of progress on a terminal, a line a cell elsewhere, or events for programs.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::IsTerminal;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use lodlab::report::table::digits;
+use lodlab::run::Event;
+
+/// How a run is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Manner {
+    /// For somebody who watches.
+    Lines,
+    /// Warnings alone.
+    Quiet,
+    /// One JSON object a line.
+    Json,
+}
+
+/// A bar with the time left on a terminal; elsewhere nothing.
+pub fn bar() -> ProgressBar {
+    if !std::io::stderr().is_terminal() {
+        return ProgressBar::hidden();
+    }
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} cells, {per_sec}, {eta} left: {msg}");
+    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+pub struct Progress {
+    manner: Manner,
+    bar: ProgressBar,
+    /// Warnings that were told.
+    told: BTreeSet<String>,
+    cells: usize,
+    done: usize,
+    running: String,
+    /// The least error of each chain so far, in pixels.
+    best_px: BTreeMap<String, f64>,
+}
+
+impl Progress {
+    pub fn new(manner: Manner) -> Self {
+        let bar = if manner == Manner::Lines { bar() } else { ProgressBar::hidden() };
+        let (told, best_px) = Default::default();
+        Self { manner, bar, told, cells: 0, done: 0, running: String::new(), best_px }
+    }
+
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn line(&self, text: &str) {
+        match self.bar.is_hidden() {
+            true => say!("{text}"),
+            false => self.bar.println(text),
+        }
+    }
+
+    /// The same, where somebody wants to know it.
+    fn note(&self, text: &str) {
+        if self.manner == Manner::Lines {
+            self.line(text);
+        }
+    }
+
+    fn is_over(&mut self) {
+        self.done += 1;
+        self.bar.set_position(self.done as u64);
+    }
+
+    /// Shows an event; a warning that was told before is not told again.
+    pub fn show(&mut self, event: &Event) {
+        if self.manner == Manner::Json {
+            if let Ok(line) = serde_json::to_string(event) {
+                say!("{line}");
+            }
+            return;
+        }
+        match event {
+            Event::Planned { cells, of } => {
+                self.bar.set_length(*of as u64);
+                self.bar.set_message(format!("planning cell {} of {of}", cells + 1));
+            }
+            Event::Started { cells, finished } => {
+                (self.cells, self.done) = (*cells, *finished);
+                self.bar.set_length(*cells as u64);
+                self.bar.reset();
+                self.bar.set_position(*finished as u64);
+                if *finished > 0 {
+                    self.note(&format!("{finished} of {cells} cells are finished and stay as they are"));
+                }
+            }
+            Event::CellStarted { label, reason } => {
+                self.running.clone_from(label);
+                self.bar.set_message(label.clone());
+                self.note(&format!("run {label} ({reason})"));
+            }
+            Event::Frame { done, of } => {
+                let chain = self.best_px.iter().find(|(chain, _)| self.running.starts_with(chain.as_str()));
+                let best = chain.map_or(String::new(), |(_, px)| format!(", best so far {} px", digits(*px)));
+                self.bar.set_message(format!("{}, frame {done} of {of}{best}", self.running));
+            }
+            Event::CellDone { label, chain, frame_ms, error_rms_px } => {
+                self.is_over();
+                if let Some(px) = error_rms_px {
+                    let best = self.best_px.entry(chain.clone()).or_insert(f64::INFINITY);
+                    *best = best.min(*px);
+                }
+                let time = frame_ms.map_or("not timed".into(), |ms| format!("{} ms a frame", digits(ms)));
+                let error = error_rms_px.map_or(String::new(), |px| format!(", {} px rms", digits(px)));
+                self.note(&format!("[{}/{}] {label}: {time}{error}", self.done, self.cells));
+            }
+            Event::CellFailed { label, why, does_not_fit } => {
+                self.is_over();
+                let what = if *does_not_fit { "skip" } else { "FAIL" };
+                let fits = if *does_not_fit { "it does not fit: " } else { "" };
+                self.line(&format!("{what} {label} ({fits}{why})"));
+            }
+            Event::CellIsTheSame { label } => {
+                self.is_over();
+                self.note(&format!("skip {label} (another cell computes the same)"));
+            }
+            Event::Warning { text } => {
+                if self.told.insert(text.clone()) {
+                    self.line(&format!("  warning: {text}"));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! The cells of a sweep, one after the other: in which order, what becomes of those that fail, and their records.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use super::cell::{self, Ended};
+use super::overflow::Overflow;
+use super::{Event, Job, Options, Truth, truth};
+use crate::experiment::diagnostic::Diagnostic;
+use crate::gpu::{Gpu, GpuError};
+use crate::plan::{Capacities, Plan};
+use crate::report::Store;
+use crate::report::records::{Failure, Head, Identity, Made, Name, Record, Results};
+
+/// Why a sweep is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    Done,
+    /// Somebody has asked for the end.
+    Stopped,
+}
+
+pub struct Sweep<'a> {
+    title: &'a str,
+    gpu: &'a Arc<Gpu>,
+    store: &'a Store,
+    options: &'a Options,
+    tell: &'a dyn Fn(Event),
+    identities: &'a [Identity],
+    /// Hashes of the cells that this run has run.
+    ran: RefCell<BTreeSet<String>>,
+    /// Jobs without results, by their place.
+    failed: RefCell<BTreeMap<usize, Failure>>,
+}
+
+/// What came of one cell.
+enum Measured {
+    Record(Box<Record>),
+    DoesNotFit(GpuError),
+    Stopped,
+}
+
+impl<'a> Sweep<'a> {
+    pub fn new(
+        title: &'a str,
+        gpu: &'a Arc<Gpu>,
+        store: &'a Store,
+        options: &'a Options,
+        tell: &'a dyn Fn(Event),
+        identities: &'a [Identity],
+    ) -> Self {
+        Self { title, gpu, store, options, tell, identities, ran: RefCell::default(), failed: RefCell::default() }
+    }
+
+    /// Hashes of the cells that were run.
+    pub fn ran(&self) -> usize {
+        self.ran.borrow().len()
+    }
+
+    /// Runs the jobs that must run and that fit. Cells that look at the same frames run one after the other and share their ground truth.
+    pub fn run(&self, jobs: &[Job], mut must_run: Vec<bool>, misfits: &[(usize, GpuError)]) -> Result<End, Diagnostic> {
+        for (at, why) in misfits {
+            if std::mem::take(&mut must_run[*at]) {
+                self.does_not_fit(&jobs[*at], *at, why)?;
+            }
+        }
+        let mut done = vec![false; jobs.len()];
+        for first in 0..jobs.len() {
+            if done[first] || !must_run[first] {
+                continue;
+            }
+            let job = &jobs[first];
+            if let Some(text) = job.truth.as_ref().and_then(|_| truth::in_f64(&job.prepared.data)) {
+                (self.tell)(Event::Warning { text });
+            }
+            let mut truth = job.truth.as_ref().map(|plan| Truth::new(self.gpu, plan, &job.prepared)).transpose()?;
+            let is_with_first = |at: &usize| must_run[*at] && (*at == first || job.shares_truth(&jobs[*at]));
+            for at in interleaved(jobs, (first..jobs.len()).filter(is_with_first).collect()) {
+                if self.run_cell(&jobs[at], at, truth.as_mut())? == End::Stopped {
+                    return Ok(End::Stopped);
+                }
+                done[at] = true;
+            }
+        }
+        Ok(End::Done)
+    }
+
+    fn run_cell(&self, job: &Job, at: usize, truth: Option<&mut Truth>) -> Result<End, Diagnostic> {
+        let identity = &self.identities[at];
+        let hash = identity.hash();
+        let cell = &job.prepared.cell;
+        let label = crate::experiment::label(&cell.chain, &cell.varied());
+        // another process may have run it by now
+        let is_done = self.store.finished(&hash).is_none() && self.store.read(&hash).is_some();
+        if self.ran.borrow().contains(&hash) || is_done && !self.options.force {
+            (self.tell)(Event::CellIsTheSame { label });
+            return Ok(End::Done);
+        }
+        let reason = match self.store.finished(&hash) {
+            Some(_) if !self.options.dump.is_empty() => "dump asked for".into(),
+            Some(_) if !self.options.pictures.is_empty() => "picture asked for".into(),
+            Some(_) => "forced".into(),
+            None => self.store.reason(&cell.chain, &cell.varied(), identity),
+        };
+        (self.tell)(Event::CellStarted { label: label.clone(), reason });
+        let record = match self.measured(job, at, truth) {
+            Ok(Measured::Record(record)) => record,
+            Ok(Measured::Stopped) => return Ok(End::Stopped),
+            Ok(Measured::DoesNotFit(why)) => return self.does_not_fit(job, at, &why).map(|()| End::Done),
+            // what is wrong with the disk or the device is wrong with all that would follow
+            Err(error) if self.store.is_full() || !self.gpu.is_alive() => return Err(error),
+            Err(error) => return self.fail(job, at, &error, false).map(|()| End::Done),
+        };
+        self.store.save(&record)?;
+        self.ran.borrow_mut().insert(hash);
+        let (chain, error_rms_px) = (cell.chain.clone(), record.measure("error_rms"));
+        (self.tell)(Event::CellDone { label, chain, frame_ms: record.frame_ms(), error_rms_px });
+        Ok(End::Done)
+    }
+
+    /// Notes a cell that the adapter cannot carry out; the others run.
+    fn does_not_fit(&self, job: &Job, at: usize, why: &GpuError) -> Result<(), Diagnostic> {
+        self.fail(job, at, &Diagnostic::from(why.clone()), true)
+    }
+
+    /// Notes a cell without results; the others run.
+    fn fail(&self, job: &Job, at: usize, error: &Diagnostic, does_not_fit: bool) -> Result<(), Diagnostic> {
+        let head = self.head(job, at);
+        let (why, help) = (error.message.clone(), error.help.clone());
+        (self.tell)(Event::CellFailed { label: head.label(), why: why.clone(), does_not_fit });
+        let failure = Failure { head, why, help, does_not_fit };
+        self.store.save_failure(&failure)?;
+        self.failed.borrow_mut().insert(at, failure);
+        Ok(())
+    }
+
+    /// Runs a cell until its lists are long enough, or too long for the adapter.
+    fn measured(&self, job: &Job, at: usize, mut truth: Option<&mut Truth>) -> Result<Measured, Diagnostic> {
+        let hash = self.identities[at].hash();
+        let mut capacities = Capacities::new();
+        let mut longer: Option<Job> = None;
+        loop {
+            let job = longer.as_ref().unwrap_or(job);
+            let Sweep { gpu, store, options, tell, .. } = *self;
+            let plan = &job.plan()?;
+            let context = cell::Context { gpu, job, plan, store, hash: &hash, options, tell };
+            match cell::run(&context, truth.as_deref_mut())? {
+                Ended::Done(results) => return Ok(Measured::Record(self.record(job, at, plan, *results).into())),
+                Ended::Stopped => return Ok(Measured::Stopped),
+                Ended::Overflowed(Overflow { list, capacity, needed }) => {
+                    let larger = needed.saturating_add(needed / 4);
+                    let text =
+                        format!("the list `{list}` holds {capacity} elements and needed {needed}: again with {larger}");
+                    tell(Event::Warning { text });
+                    capacities.insert(list, larger);
+                    let plan = job.prepared.plan(options, &capacities)?;
+                    if let Err(why) = gpu.check_plan(&plan) {
+                        return Ok(Measured::DoesNotFit(why));
+                    }
+                    longer = Some(job.with_plan(plan));
+                }
+            }
+        }
+    }
+
+    fn head(&self, job: &Job, at: usize) -> Head {
+        let (cell, identity) = (&job.prepared.cell, &self.identities[at]);
+        Head {
+            hash: identity.hash(),
+            experiment: self.title.into(),
+            chain: cell.chain.clone(),
+            settings: cell.varied(),
+            scene: job.scene(identity),
+            adapter: self.gpu.summary.clone(),
+            made: Made::now(),
+            identity: identity.clone(),
+        }
+    }
+
+    fn record(&self, job: &Job, at: usize, plan: &Plan, results: cell::Results) -> Record {
+        for text in results.warnings.iter().cloned() {
+            (self.tell)(Event::Warning { text });
+        }
+        Record {
+            head: self.head(job, at),
+            measures: results.measures,
+            by_frame: results.by_frame,
+            looks: results.looks,
+            timings: results.timings,
+            bytes: plan.bytes(),
+            buffers: results.buffers,
+            warnings: results.warnings,
+            plan: crate::plan::explain(plan),
+            left_out: plan.left_out.clone(),
+        }
+    }
+
+    /// What has come of all cells, in the order of the file and under its names: an earlier run, or another cell that computes the same,
+    /// may have called it something else.
+    pub fn results(&self, jobs: &[Job]) -> Result<Results, Diagnostic> {
+        let mut results = Results::default();
+        let failed = self.failed.borrow();
+        for (at, job) in jobs.iter().enumerate() {
+            let (chain, settings) = (job.prepared.cell.chain.clone(), job.prepared.cell.varied());
+            let named = |head: Head| Head { experiment: self.title.into(), chain, settings, ..head };
+            match (self.store.read(&self.identities[at].hash()), failed.get(&at)) {
+                (Some(record), _) => {
+                    let head = named(record.head.clone());
+                    if !head.is_same_point(&record.head) {
+                        let Head { hash, experiment, chain, settings, .. } = head.clone();
+                        self.store.save_name(&Name { hash, experiment, chain, settings })?;
+                    }
+                    results.records.push(Record { head, ..record });
+                }
+                (None, Some(failure)) => results.failures.push(failure.clone()),
+                (None, None) => {}
+            }
+        }
+        Ok(results)
+    }
+}
+
+/// Cells in an order in which the chains take turns, so that a machine that becomes slower does so for all of them alike.
+fn interleaved(jobs: &[Job], mut places: Vec<usize>) -> Vec<usize> {
+    let chain = |at: usize| jobs[at].prepared.cell.chain.as_str();
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    let ranks: BTreeMap<usize, usize> = places
+        .iter()
+        .map(|&at| {
+            let count = counts.entry(chain(at)).or_default();
+            *count += 1;
+            (at, *count)
+        })
+        .collect();
+    let place = |at: usize| (ranks[&at] as f64 - 0.5) / counts[chain(at)] as f64;
+    places.sort_by(|&a, &b| place(a).total_cmp(&place(b)));
+    places
+}
