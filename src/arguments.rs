@@ -73,6 +73,9 @@ pub struct Running {
     /// Makes these pictures of every frame
     #[arg(long, requires = "picture")]
     pub every_frame: bool,
+    /// Keeps the pictures of every cell; else a sweep of more than 200 cells keeps those of its front
+    #[arg(long)]
+    pub all_pictures: bool,
     /// Computes a stage in f64 on the CPU and gives its result to the kernels after it; `Stage#2` is the second of a name
     #[arg(long, value_name = "STAGE")]
     pub on_cpu: Vec<String>,

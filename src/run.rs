@@ -4,6 +4,7 @@ mod cell;
 pub mod dump;
 mod job;
 mod overflow;
+mod own_buffers;
 mod setup;
 pub mod sight;
 mod sweep;
@@ -48,6 +49,8 @@ pub struct Options {
     pub on_cpu: Vec<String>,
     /// Run finished cells again.
     pub force: bool,
+    /// Keep the pictures of every cell, also in a large sweep.
+    pub all_pictures: bool,
     /// Leave nothing out.
     pub keep_everything: bool,
     /// The chain that tables compare the others with, instead of the one that the experiment names.
@@ -111,6 +114,10 @@ pub enum Event {
         label: String,
     },
     Warning {
+        text: String,
+    },
+    /// What somebody who watches may want to know.
+    Note {
         text: String,
     },
 }

@@ -157,10 +157,17 @@ fn cells_that_compute_the_same_run_once() {
          look_at: (400, 500, 0)), viewport: (64, 48)), chains: {{ \"a\": [{CHAIN}], \"b\": [{}] }}, measure: [ScreenError])",
         CHAIN.replace("Project", "Project(filter: Trilinear)")
     );
-    let records = common::records_of(folder.path(), &text, &[]);
-    assert_eq!(records.iter().map(|record| record["chain"].as_str().unwrap()).collect::<Vec<_>>(), ["a", "b"]);
-    assert_eq!(records[0]["measures"], records[1]["measures"]);
+    common::records_of(folder.path(), &text, &[]);
+    let chains = |rows: &[serde_json::Value]| rows.iter().map(|row| row["chain"].to_string()).collect::<Vec<_>>();
+    let rows = common::rows(&folder.path().join("made"));
+    assert_eq!(chains(&rows), ["\"a\"", "\"b\""]);
+    assert_eq!(rows[0]["error_mean"], rows[1]["error_mean"]);
     assert_eq!(std::fs::read_dir(folder.path().join("made/cells")).unwrap().count(), 1);
+    // neither is left, and whoever makes the reports again knows both names
+    let left = common::run(folder.path(), &["cells", "made.ron", "--left", "made"]);
+    assert_eq!(String::from_utf8_lossy(&left.stdout), "");
+    common::succeeded(&common::run(folder.path(), &["report", "made"]));
+    assert_eq!(chains(&common::rows(&folder.path().join("made"))), ["\"a\"", "\"b\""]);
 }
 
 /// Buffers that nobody touches, and names, change nothing; sizes do.

@@ -270,9 +270,9 @@ fn a_stored_cell_is_called_what_this_run_calls_it() {
     let folder = tempfile::tempdir().unwrap();
     let chain = "\"cast\": [HeightPyramid, RayCast]";
     records_of(folder.path(), chain, "measure: [Time]", &[]);
-    let swept = records_of(folder.path(), chain, "sweep: {\"scene.fov_deg\": [60, 50]}, measure: [Time]", &[]);
-    let labels: Vec<_> = swept.iter().map(|record| record["settings"][0]["value"].as_str().unwrap()).collect();
-    assert_eq!(labels, ["60", "50"]);
+    records_of(folder.path(), chain, "sweep: {\"scene.fov_deg\": [60, 50]}, measure: [Time]", &[]);
+    let labels: Vec<_> = common::rows(&folder.path().join("made")).iter().map(|row| row["label"].to_string()).collect();
+    assert_eq!(labels, ["\"cast fov_deg=60\"", "\"cast fov_deg=50\""]);
 }
 
 /// Cameras that change together with something else still have the frames that the command line asks for.
@@ -436,7 +436,8 @@ fn a_cell_that_does_not_fit_stops_no_other() {
         )
     };
     std::fs::write(folder.path().join("sweep.ron"), experiment([1, 43_000, 2])).unwrap();
-    let misfits = folder.path().join("out/failures.json");
+    let out = folder.path().join("out");
+    let failed = || common::rows(&out).into_iter().filter(|row| row["status"] == "failed").collect::<Vec<_>>();
     for summary in
         ["2 cells run, 0 finished before, 1 without results", "0 cells run, 2 finished before, 1 without results"]
     {
@@ -446,16 +447,16 @@ fn a_cell_that_does_not_fit_stops_no_other() {
         assert!(said.contains(summary) && said.contains("(it does not fit: "), "{said}");
         let message = errors(&output);
         assert!(message.contains("does not fit: ") && message.contains("4472000000"), "{message}");
-        assert_eq!(records(&folder.path().join("out")).len(), 2);
-        let left: serde_json::Value = serde_json::from_slice(&std::fs::read(&misfits).unwrap()).unwrap();
-        assert_eq!(left.as_array().unwrap().len(), 1);
-        assert!(left[0]["settings"][0]["value"].as_str().unwrap().contains("43000"), "{left}");
-        assert!(left[0]["why"].as_str().unwrap().contains("4472000000"), "{left}");
+        assert_eq!(records(&out).len(), 2);
+        let left = failed();
+        assert_eq!(left.len(), 1);
+        assert!(left[0]["*.Kernel.bind"].as_str().unwrap().contains("43000"), "{left:?}");
+        assert!(left[0]["why"].as_str().unwrap().contains("4472000000"), "{left:?}");
     }
-    // when all of them fit, there is no such list any more
+    // when all of them fit, there is no such row any more
     std::fs::write(folder.path().join("sweep.ron"), experiment([1, 3, 2])).unwrap();
     succeeded(&run(folder.path(), &["run", "sweep.ron", "--out", "out"]));
-    assert!(!misfits.exists());
+    assert!(failed().is_empty());
 }
 
 /// Figures are the same in JSON, CSV and the page.

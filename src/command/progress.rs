@@ -122,6 +122,7 @@ impl Progress {
                 self.is_over();
                 self.note(&format!("skip {label} (another cell computes the same)"));
             }
+            Event::Note { text } => self.note(&format!("  {text}")),
             Event::Warning { text } => {
                 if self.told.insert(text.clone()) {
                     self.line(&format!("  warning: {text}"));

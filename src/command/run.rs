@@ -46,6 +46,7 @@ pub fn run(wanted: Running) -> Result<(), Diagnostic> {
         pictures: wanted.picture.clone(),
         every_frame: wanted.every_frame,
         on_cpu: wanted.on_cpu.clone(),
+        all_pictures: wanted.all_pictures,
         force: wanted.force,
         keep_everything: wanted.keep_everything,
         baseline: wanted.baseline.clone(),

@@ -1,4 +1,4 @@
-//! Columns as files that other programs read: CSV and Parquet.
+//! Columns as files that other programs read: CSV, JSON and Parquet.
 
 use std::sync::Arc;
 
@@ -30,6 +30,15 @@ pub fn csv(columns: &[Column]) -> Result<Vec<u8>, Diagnostic> {
         writer.write_record(columns.iter().map(|column| column.values.text(row))).map_err(refuse)?;
     }
     writer.into_inner().map_err(|error| Diagnostic::run(format!("a table cannot be made: {error}")))
+}
+
+/// One object a row, with the names of the columns; what was not measured is null.
+pub fn json(columns: &[Column]) -> String {
+    let row = |row: usize| {
+        let fields = columns.iter().map(|column| (column.name.clone(), column.values.json(row)));
+        serde_json::Value::Object(fields.collect()).to_string()
+    };
+    format!("[\n{}\n]\n", (0..rows(columns)).map(row).collect::<Vec<_>>().join(",\n"))
 }
 
 /// The same with the type of each column.

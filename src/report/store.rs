@@ -36,12 +36,12 @@ fn digest(rest: &str) -> String {
 
 /// The text of a cell's file: its first field is the digest of all that follows, so that what somebody changes later is seen.
 fn seal(cell: &impl Serialize) -> Result<String, serde_json::Error> {
-    let text = serde_json::to_string_pretty(cell)?;
+    let text = serde_json::to_string(cell)?;
     let rest = text.strip_prefix('{').unwrap_or(&text);
     Ok(format!("{SEAL_START}{}{SEAL_END}{rest}", digest(rest)))
 }
 
-const SEAL_START: &str = "{\n  \"digest\": \"";
+const SEAL_START: &str = "{\"digest\":\"";
 const SEAL_END: &str = "\",";
 
 /// What a file says of a cell, if it is what was written under this name.

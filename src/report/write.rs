@@ -37,8 +37,7 @@ pub fn write(
         put(&format!("{name}.csv"), Some(&export::csv(columns)?))?;
         put(&format!("{name}.parquet"), Some(&export::parquet(columns)?))?;
     }
-    put("records.json", Some(json(&results.records)?.as_bytes()))?;
-    put("failures.json", (!results.failures.is_empty()).then_some(json(&results.failures)?.as_bytes()))?;
+    put("records.json", Some(export::json(&records).as_bytes()))?;
     let target_px = target_px(&results.records);
     let axes = axes(wanted, &records, target_px);
     let plot = plot::svg(wanted.title, results, &axes)?;
@@ -46,13 +45,6 @@ pub fn write(
     let about = About { title: wanted.title, answers: &answers, target_px };
     put("report.html", Some(page::page(&about, results, picture).as_bytes()))?;
     Ok(answers)
-}
-
-/// A value a line.
-fn json<T: serde::Serialize>(values: &[T]) -> Result<String, Diagnostic> {
-    let lines: Result<Vec<String>, _> = values.iter().map(serde_json::to_string).collect();
-    let lines = lines.map_err(|error| Diagnostic::run(format!("records cannot be written: {error}")))?;
-    Ok(format!("[\n{}\n]\n", lines.join(",\n")))
 }
 
 /// The threshold that errors were counted by, if all records have the same.

@@ -13,7 +13,6 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::{Executor, Gpu};
 use crate::measure::{Figures, Measured, Picture, Sampling, Seen, Tally};
 use crate::plan::{BufferId, Often, Plan, Storage};
-use crate::report::page::picture_name;
 use crate::report::records::Timings;
 use crate::report::{Store, pictures};
 
@@ -31,6 +30,8 @@ pub struct Results {
     pub measures: Vec<Measured>,
     /// Figures of each frame, by their names.
     pub by_frame: BTreeMap<String, Vec<Option<f64>>>,
+    /// What measures have to show of the frame in the middle.
+    pub pictures: Vec<Picture>,
     /// What each picture of a buffer shows, and its file.
     pub looks: Vec<(String, String)>,
     pub timings: Timings,
@@ -95,16 +96,8 @@ pub fn run(context: &Context, mut truth: Option<&mut Truth>) -> Result<Ended, Di
     let buffers = looks.hashes();
     let (looked_at, by_frame) = (std::mem::take(&mut looks.pictured), std::mem::take(&mut looks.by_frame));
     let Figures { measured: measures, pictures, warnings: said } = looks.finish();
-    for picture in &pictures {
-        write_picture(context, picture)?;
-    }
     warnings.extend(said);
-    Ok(Ended::Done(Box::new(Results { measures, by_frame, looks: looked_at, timings, buffers, warnings })))
-}
-
-fn write_picture(context: &Context, picture: &Picture) -> Result<(), Diagnostic> {
-    let png = pictures::png(picture.width, &picture.rgb)?;
-    context.store.write(&picture_name(context.hash, picture.kind), &png)
+    Ok(Ended::Done(Box::new(Results { measures, by_frame, pictures, looks: looked_at, timings, buffers, warnings })))
 }
 
 /// What is made of the buffers of each frame: hashes, dumps and the sums of the measures.

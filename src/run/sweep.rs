@@ -6,12 +6,14 @@ use std::sync::Arc;
 
 use super::cell::{self, Ended};
 use super::overflow::Overflow;
-use super::{Event, Job, Options, Truth, truth};
+use super::{Event, Job, Options, Truth, own_buffers, truth};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::{Gpu, GpuError};
+use crate::measure::Picture;
 use crate::plan::{Capacities, Plan};
-use crate::report::Store;
+use crate::report::page::{PICTURES, picture_name};
 use crate::report::records::{Failure, Head, Identity, Made, Name, Record, Results};
+use crate::report::{Store, pictures};
 
 /// Why a sweep is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,11 +34,16 @@ pub struct Sweep<'a> {
     ran: RefCell<BTreeSet<String>>,
     /// Jobs without results, by their place.
     failed: RefCell<BTreeMap<usize, Failure>>,
+    /// By scene: the cells that have pictures since no other one beats them so far, with cost and error.
+    fronts: RefCell<BTreeMap<String, Vec<(String, (f64, f64))>>>,
 }
+
+/// In a sweep of more cells only those on the front have pictures, unless all are asked for.
+const MOST_PICTURED: usize = 200;
 
 /// What came of one cell.
 enum Measured {
-    Record(Box<Record>),
+    Done(Box<Record>, Vec<Picture>),
     DoesNotFit(GpuError),
     Stopped,
 }
@@ -50,7 +57,17 @@ impl<'a> Sweep<'a> {
         tell: &'a dyn Fn(Event),
         identities: &'a [Identity],
     ) -> Self {
-        Self { title, gpu, store, options, tell, identities, ran: RefCell::default(), failed: RefCell::default() }
+        Self {
+            title,
+            gpu,
+            store,
+            options,
+            tell,
+            identities,
+            ran: RefCell::default(),
+            failed: RefCell::default(),
+            fronts: RefCell::default(),
+        }
     }
 
     /// Hashes of the cells that were run.
@@ -104,19 +121,62 @@ impl<'a> Sweep<'a> {
             None => self.store.reason(&cell.chain, &cell.varied(), identity),
         };
         (self.tell)(Event::CellStarted { label: label.clone(), reason });
-        let record = match self.measured(job, at, truth) {
-            Ok(Measured::Record(record)) => record,
+        let (record, pictures) = match self.measured(job, at, truth) {
+            Ok(Measured::Done(record, pictures)) => (record, pictures),
             Ok(Measured::Stopped) => return Ok(End::Stopped),
             Ok(Measured::DoesNotFit(why)) => return self.does_not_fit(job, at, &why).map(|()| End::Done),
             // what is wrong with the disk or the device is wrong with all that would follow
             Err(error) if self.store.is_full() || !self.gpu.is_alive() => return Err(error),
             Err(error) => return self.fail(job, at, &error, false).map(|()| End::Done),
         };
+        self.keep_pictures(&record, &pictures)?;
         self.store.save(&record)?;
         self.ran.borrow_mut().insert(hash);
         let (chain, error_rms_px) = (cell.chain.clone(), record.measure("error_rms"));
         (self.tell)(Event::CellDone { label, chain, frame_ms: record.frame_ms(), error_rms_px });
         Ok(End::Done)
+    }
+
+    /// Says what kernels of one's own have made; what is wrong with it is a warning of the record.
+    fn look_at_own(&self, job: &Job, record: &mut Record) -> Result<(), Diagnostic> {
+        for own_buffers::Line { text, is_warning } in own_buffers::look(self.gpu, job)? {
+            match is_warning {
+                false => (self.tell)(Event::Note { text }),
+                true => {
+                    (self.tell)(Event::Warning { text: text.clone() });
+                    record.warnings.push(text);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes the pictures of a cell; in a large sweep only those of a cell that no other one beats so far.
+    fn keep_pictures(&self, record: &Record, pictures: &[Picture]) -> Result<(), Diagnostic> {
+        let cost_and_error = record.method_ms().zip(record.measure("error_rms"));
+        if let Some((cost, error)) = cost_and_error.filter(|_| self.is_large()) {
+            let mut fronts = self.fronts.borrow_mut();
+            let front = fronts.entry(record.head.scene.key.clone()).or_default();
+            let is_beaten = front.iter().any(|(_, own)| own.0 <= cost && own.1 <= error);
+            if is_beaten || !record.faults().is_empty() {
+                return Ok(());
+            }
+            let (stays, beaten) = front.drain(..).partition(|(_, own)| own.0 < cost || own.1 < error);
+            *front = stays;
+            front.push((record.head.hash.clone(), (cost, error)));
+            let beaten: Vec<(String, (f64, f64))> = beaten;
+            let files = beaten.iter().flat_map(|(hash, _)| PICTURES.iter().map(move |(kind, _)| (hash, kind)));
+            files.for_each(|(hash, kind)| self.store.remove(&picture_name(hash, kind)));
+        }
+        for picture in pictures {
+            let png = pictures::png(picture.width, &picture.rgb)?;
+            self.store.write(&picture_name(&record.head.hash, picture.kind), &png)?;
+        }
+        Ok(())
+    }
+
+    fn is_large(&self) -> bool {
+        self.identities.len() > MOST_PICTURED && !self.options.all_pictures
     }
 
     /// Notes a cell that the adapter cannot carry out; the others run.
@@ -146,7 +206,12 @@ impl<'a> Sweep<'a> {
             let plan = &job.plan()?;
             let context = cell::Context { gpu, job, plan, store, hash: &hash, options, tell };
             match cell::run(&context, truth.as_deref_mut())? {
-                Ended::Done(results) => return Ok(Measured::Record(self.record(job, at, plan, *results).into())),
+                Ended::Done(mut results) => {
+                    let pictures = std::mem::take(&mut results.pictures);
+                    let mut record = self.record(job, at, plan, *results);
+                    self.look_at_own(job, &mut record)?;
+                    return Ok(Measured::Done(record.into(), pictures));
+                }
                 Ended::Stopped => return Ok(Measured::Stopped),
                 Ended::Overflowed(Overflow { list, capacity, needed }) => {
                     let larger = needed.saturating_add(needed / 4);

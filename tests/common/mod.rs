@@ -69,10 +69,20 @@ pub fn shared_dem() -> PathBuf {
     Path::new(ROOT).join("../shared/dem")
 }
 
-/// The records of the last run's cells, in the order of its file.
-pub fn records(folder: &Path) -> Vec<serde_json::Value> {
+/// The rows of the last run's cells, in the order of its file.
+pub fn rows(folder: &Path) -> Vec<serde_json::Value> {
     let text = std::fs::read_to_string(folder.join("records.json")).expect("records.json is there");
     serde_json::from_str(&text).expect("records.json is JSON")
+}
+
+/// The records of those of them that have one, in the same order.
+pub fn records(folder: &Path) -> Vec<serde_json::Value> {
+    let record = |row: serde_json::Value| {
+        let path = folder.join(format!("cells/{}.json", row["cell"].as_str()?));
+        let text = std::fs::read_to_string(path).ok()?;
+        serde_json::from_str(&text).ok()
+    };
+    rows(folder).into_iter().filter_map(record).collect()
 }
 
 pub fn measure(record: &serde_json::Value, name: &str) -> Option<f64> {

@@ -6,10 +6,10 @@ use egui::{RichText, ScrollArea, Ui};
 use egui_plot::{GridMark, MarkerShape, Plot, PlotPoints, Points};
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::experiment::regular;
 use crate::inspector::desk::{Action, Desk};
 use crate::inspector::wish::{CellName, Side};
-use crate::report::records::{Record, Store};
+use crate::report::folders;
+use crate::report::records::Record;
 use crate::report::table;
 
 #[derive(Default)]
@@ -52,15 +52,10 @@ impl ResultsPane {
         self.folder = folder.display().to_string();
         self.chosen = None;
         self.picture = None;
-        // the table of the last run has its cells in the order of the file
-        let last = regular::read(&folder.join("records.json")).ok();
-        let last = last.and_then(|bytes| serde_json::from_slice::<Vec<Record>>(&bytes).ok());
-        let found =
-            last.map_or_else(|| Store::look(folder).map(|store| store.all().into_iter().cloned().collect()), Ok);
-        match found {
-            Ok(records) => {
+        match folders::read(&[folder.to_path_buf()]) {
+            Ok(found) => {
                 self.error = None;
-                self.records = records;
+                self.records = found.results.records;
             }
             Err(error) => self.error = Some(error),
         }
@@ -104,7 +99,7 @@ impl ResultsPane {
                 format!("{value:.0e}")
             }
         };
-        let mut chains: Vec<&str> = self.records.iter().map(|record| record.chain.as_str()).collect();
+        let mut chains: Vec<&str> = self.records.iter().map(|record| record.head.chain.as_str()).collect();
         chains.dedup();
         let chosen = self.chosen;
         let response = Plot::new("results")
@@ -118,7 +113,8 @@ impl ResultsPane {
             .y_axis_formatter(move |mark, _| label(mark))
             .show(ui, |plot| {
                 for chain in &chains {
-                    let own = places.iter().filter(|(at, _)| self.records[*at].chain == **chain).map(|(_, at)| *at);
+                    let own =
+                        places.iter().filter(|(at, _)| self.records[*at].head.chain == **chain).map(|(_, at)| *at);
                     plot.points(Points::new(*chain, own.collect::<PlotPoints>()).radius(5.0));
                 }
                 if let Some((_, at)) = places.iter().find(|(at, _)| Some(*at) == chosen) {
@@ -181,11 +177,11 @@ impl ResultsPane {
         ui.horizontal(|ui| {
             ui.strong(record.label());
             if ui.button("show this cell").clicked() {
-                let cell = CellName { chain: record.chain.clone(), settings: record.settings.clone() };
+                let cell = CellName { chain: record.head.chain.clone(), settings: record.head.settings.clone() };
                 desk.act(Action::Choose { side: Side::A, cell });
             }
         });
-        ui.small(format!("{} on {} ({})", record.hash, record.adapter.name, record.adapter.driver));
+        ui.small(format!("{} on {} ({})", record.head.hash, record.head.adapter.name, record.head.adapter.driver));
         self.show_picture(ui, &record);
         egui::Grid::new("figures of a cell").num_columns(2).show(ui, |ui| {
             for figure in &record.measures {
@@ -200,14 +196,14 @@ impl ResultsPane {
     }
 
     fn show_picture(&mut self, ui: &mut Ui, record: &Record) {
-        if self.picture.as_ref().is_none_or(|(hash, _)| *hash != record.hash) {
-            let path = PathBuf::from(&self.folder).join(format!("pictures/{}_image.png", record.hash));
+        if self.picture.as_ref().is_none_or(|(hash, _)| *hash != record.head.hash) {
+            let path = PathBuf::from(&self.folder).join(format!("pictures/{}_image.png", record.head.hash));
             let Ok(picture) = image::open(&path) else { return };
             let rgba = picture.to_rgba8();
             let size = [rgba.width() as usize, rgba.height() as usize];
             let picture = egui::ColorImage::from_rgba_unmultiplied(size, rgba.as_raw());
-            let texture = ui.ctx().load_texture(&record.hash, picture, egui::TextureOptions::LINEAR);
-            self.picture = Some((record.hash.clone(), texture));
+            let texture = ui.ctx().load_texture(&record.head.hash, picture, egui::TextureOptions::LINEAR);
+            self.picture = Some((record.head.hash.clone(), texture));
         }
         if let Some((_, texture)) = &self.picture {
             let width = ui.available_width().min(480.0);

@@ -13,7 +13,7 @@ use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::experiment::parameters::schema;
 use crate::experiment::tree::{Kind, Node};
 use crate::kernel::{BindingKind, Elem, FieldKind, Kernel as Wgsl, Value};
-use crate::plan::{BufferId, Chain};
+use crate::plan::{Buffer, BufferId, Chain};
 use crate::stages::{Example, Info, Stage};
 use offer::Offered;
 use read::structures;
@@ -96,7 +96,7 @@ pub struct Kernel {
     over: Over,
     over_origin: Origin,
     repeat: u32,
-    ping_pong: Option<(String, String)>,
+    ping_pong: Option<(String, String, Origin)>,
 }
 
 /// What a WGSL variable is attached to.
@@ -200,12 +200,23 @@ impl Kernel {
             };
             attached.push((variable.clone(), id));
         }
-        let Some((read, written)) = &self.ping_pong else { return Ok(vec![attached; self.repeat as usize]) };
+        let Some((read, written, origin)) = &self.ping_pong else { return Ok(vec![attached; self.repeat as usize]) };
         let find = |name: &String| attached.iter().find(|(variable, _)| variable == name).map(|(_, id)| *id);
-        let (Some(first), Some(last)) = (find(read), find(written)) else {
-            return Err(Diagnostic::input("`ping_pong` names two bound variables").at(chain.origin(), "this stage"));
+        let bound = |name: &String| {
+            find(name).ok_or_else(|| {
+                Diagnostic::input(format!("`ping_pong` names `{name}`, to which nothing is bound"))
+                    .at(origin, "expected two variables of `bind`, the one that is read and the one that is written")
+                    .suggest(name, attached.iter().map(|(variable, _)| variable.as_str()))
+            })
         };
-        let target = chain.buffer(last).clone();
+        let (first, last) = (bound(read)?, bound(written)?);
+        let (source, target) = (chain.buffer(first).clone(), chain.buffer(last).clone());
+        if (source.elem, &source.dims) != (target.elem, &target.dims) {
+            let shape = |buffer: &Buffer| format!("{:?} {:?}", buffer.elem, buffer.dims);
+            return Err(Diagnostic::input("`ping_pong` swaps two buffers that are not alike")
+                .at(origin, format!("`{}` is {}, `{}` is {}", source.name, shape(&source), target.name, shape(&target)))
+                .help(format!("make the new one like the other: New(name: .., of: .., like: \"{}\")", source.name)));
+        }
         let other = chain.make(
             &format!("{}.other", target.name),
             target.elem,

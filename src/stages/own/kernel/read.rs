@@ -59,10 +59,18 @@ pub(super) fn read(node: &Node, folder: &Path) -> Result<Box<dyn Stage>, Diagnos
         over: read_over(over)?,
         over_origin: over.origin.clone(),
         repeat,
-        ping_pong: node.field("ping_pong").map(Node::parse).transpose()?,
+        ping_pong: node.field("ping_pong").map(read_ping_pong).transpose()?.flatten(),
         kernel,
     }))
 }
+
+fn read_ping_pong(node: &Node) -> Result<Option<(String, String, Origin)>, Diagnostic> {
+    let names: Option<(String, String)> = node.parse()?;
+    Ok(names.map(|(read, written)| (read, written, node.origin.clone())))
+}
+
+/// Fields that are filled in, whatever somebody writes.
+const FILLED_IN: [&str; 2] = ["size", "cell_m"];
 
 fn first_word(node: &Node) -> Origin {
     let length = node.name().map_or(1, str::len);
@@ -97,6 +105,11 @@ fn read_params(node: Option<&Node>, kernel: &Wgsl) -> Result<Vec<(String, Node, 
         return Err(Diagnostic::input(format!("`{}` has no parameter `{}`", kernel.name, unknown.name))
             .at(&unknown.origin, "unknown parameter")
             .suggest(&unknown.name, known));
+    }
+    if let Some(filled) = fields.iter().find(|field| FILLED_IN.contains(&field.name.as_str())) {
+        return Err(Diagnostic::input(format!("`{}` is filled in and cannot be set", filled.name))
+            .at(&filled.origin, "not a parameter")
+            .help("`size` is what the kernel runs over (`over`), `cell_m` the spacing of the heights; call yours another name"));
     }
     Ok(fields.iter().map(|field| (field.name.clone(), field.value.clone(), field.origin.clone())).collect())
 }
