@@ -1,5 +1,6 @@
 //! The cells of an experiment: counted before one of them is made, and then made one by one.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::diagnostic::{Diagnostic, Source};
@@ -84,9 +85,17 @@ impl Experiment {
     /// The chains with what varies them; refused if they have more cells than can be meant.
     fn swept(&self, settings: &[Setting]) -> Result<Vec<Swept<'_>>, Diagnostic> {
         let (mut chains, mut count) = (Vec::new(), 0);
+        let mut known = HashSet::new();
         for settings in sweep::combinations(settings)? {
-            for scene in self.scenes.iter() {
+            for (at, scene) in self.scenes.iter().enumerate() {
                 for (name, key, stages) in self.chains() {
+                    // values of what a chain does not have make no cells of it
+                    let own =
+                        settings.iter().filter(|set| resolve(&self.root, name, stages.items(), &set.path).is_some());
+                    let own: Vec<(String, String)> = own.map(|set| (set.path.clone(), set.value.canonical())).collect();
+                    if !known.insert((at, name, own)) {
+                        continue;
+                    }
                     let values = self.free_axes(name, stages.items(), &settings)?;
                     count += values.count();
                     if count > MOST_CELLS {

@@ -159,11 +159,16 @@ fn read_axis(key: &Node, values: &Node) -> Result<Axis, Diagnostic> {
     Ok(Axis { key: key.origin.clone(), name, given_name, paths, steps })
 }
 
-/// The steps of an axis. A named axis over several paths can give them one value; without a name, each path has its own.
+/// The steps of an axis. Without a name, each of several paths has its own value, in a tuple. A named axis gives all of its paths one value,
+/// which can be a tuple of numbers (a size); what has a value for each path there is a list, or a tuple with something else in it.
 fn steps(values: &Node, paths: &[String], is_named: bool) -> Result<Vec<Step>, Diagnostic> {
     let of = |name: Option<String>, item: &Node| -> Result<Step, Diagnostic> {
         let values = match &item.kind {
             _ if paths.len() == 1 => vec![item.clone()],
+            Kind::List(items) if is_named && items.len() == paths.len() => items.clone(),
+            Kind::Tuple { name: None, items } if is_named && items.iter().all(is_number) => {
+                vec![item.clone(); paths.len()]
+            }
             Kind::Tuple { name: None, items } if items.len() == paths.len() => items.clone(),
             _ if is_named => vec![item.clone(); paths.len()],
             _ => {
@@ -186,6 +191,10 @@ fn steps(values: &Node, paths: &[String], is_named: bool) -> Result<Vec<Step>, D
         }
         _ => Ok(spaced(values)?.iter().map(|value| of(None, value)).collect::<Result<_, _>>()?),
     }
+}
+
+fn is_number(node: &Node) -> bool {
+    node.name().is_none() && node.parse::<f64>().is_ok()
 }
 
 fn spaced(node: &Node) -> Result<Vec<Node>, Diagnostic> {
