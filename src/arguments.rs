@@ -30,7 +30,7 @@ pub enum Command {
     Compare(Comparing),
     /// Says what each column of the records is
     Schema,
-    /// Lists stages and measures, or explains one
+    /// Lists stages, measures, terrains and cameras, or explains one
     Stages { name: Option<String> },
     /// Compares every stage with its f64 reference on ordinary and extreme input
     Check {

@@ -49,11 +49,17 @@ pub fn report(wanted: &Reporting) -> Result<(), Diagnostic> {
     refuse_excluded(&found)
 }
 
+/// Tables of several scenes that are printed.
+const MOST_ANSWERS: usize = 8;
+
 /// Which method wins. Of several scenes only the first answer about each is printed; all are in the report.
 pub fn say_answers(answers: &[Answer]) {
-    let has_one_scene = answers.iter().filter(|answer| answer.is_first).count() == 1;
-    let said = answers.iter().filter(|answer| answer.is_first || has_one_scene);
+    let scenes = answers.iter().filter(|answer| answer.is_first).count();
+    let said = answers.iter().filter(|answer| answer.is_first || scenes == 1).take(MOST_ANSWERS);
     said.for_each(|answer| say!("{}\n", answer.text()));
+    if scenes > MOST_ANSWERS {
+        say!("(the tables of {} more scenes are in the report)", scenes - MOST_ANSWERS);
+    }
 }
 
 /// Where the reports are.

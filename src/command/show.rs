@@ -7,6 +7,7 @@ use std::rc::Rc;
 use lodlab::experiment::Experiment;
 use lodlab::experiment::diagnostic::Diagnostic;
 use lodlab::experiment::parameters::{Parameter, describe};
+use lodlab::experiment::scene::{self, Part};
 use lodlab::experiment::sweep::Setting;
 use lodlab::gpu::{Gpu, device};
 use lodlab::plan::explain;
@@ -38,24 +39,60 @@ pub fn plans(file: &Path, settings: Vec<Setting>) -> Result<(), Diagnostic> {
 
 pub fn stages(name: Option<&str>) -> Result<(), Diagnostic> {
     let Some(name) = name else {
-        stages::REGISTRY
-            .iter()
-            .for_each(|entry| say!("{:<17} {:<9} {}", entry.info.name, entry.room, entry.info.summary));
-        measure::REGISTRY.iter().for_each(|info| say!("{:<17} {:<9} {}", info.name, "measure", info.summary));
+        let line = |name: &str, room: &str, summary: &str| say!("{name:<17} {room:<9} {summary}");
+        stages::REGISTRY.iter().for_each(|entry| line(entry.info.name, entry.room, entry.info.summary));
+        measure::REGISTRY.iter().for_each(|info| line(info.name, "measure", info.summary));
+        scene::PARTS.iter().for_each(|part| line(part_name(part), kind(part), &meaning(part)));
         return Ok(());
     };
-    if let Some(entry) = stages::find(name) {
+    let stage = stages::find(name);
+    let measure = measure::REGISTRY.iter().find(|info| info.name == name);
+    let parts: Vec<&Part> = scene::PARTS.iter().filter(|part| part_name(part) == name).collect();
+    if stage.is_none() && measure.is_none() && parts.is_empty() {
+        let stages = stages::REGISTRY.iter().map(|entry| entry.info.name);
+        let known =
+            stages.chain(measure::REGISTRY.iter().map(|info| info.name)).chain(scene::PARTS.iter().map(part_name));
+        return Err(
+            Diagnostic::input(format!("there is no stage, measure or part of a scene `{name}`")).suggest(name, known)
+        );
+    }
+    if let Some(entry) = stage {
         show_stage(entry);
-        return Ok(());
     }
-    if let Some(info) = measure::REGISTRY.iter().find(|info| info.name == name) {
+    if let Some(info) = measure {
         say!("{}: {}\n  version: {}", info.name, info.summary, info.version);
+        for figure in info.figures {
+            say!(
+                "  gives {} ({}): {}",
+                figure.name,
+                if figure.unit.is_empty() { "-" } else { figure.unit },
+                figure.meaning
+            );
+        }
         describe(&(info.parameters)()).iter().for_each(show_parameter);
-        return Ok(());
     }
-    let known =
-        stages::REGISTRY.iter().map(|entry| entry.info.name).chain(measure::REGISTRY.iter().map(|info| info.name));
-    Err(Diagnostic::input(format!("there is no stage or measure `{name}`")).suggest(name, known))
+    for part in parts {
+        say!("{} ({}, at `{}`): {}", part_name(part), kind(part), part.path, meaning(part));
+        describe(&(part.parameters)()).iter().for_each(show_parameter);
+    }
+    Ok(())
+}
+
+/// What a part of a scene is called: its own name, or the field that it is.
+fn part_name(part: &Part) -> &'static str {
+    if part.name.is_empty() { kind(part) } else { part.name }
+}
+
+/// The field of the scene that a part can be.
+fn kind(part: &Part) -> &'static str {
+    part.path.rsplit('.').next().unwrap_or(part.path)
+}
+
+/// The first sentence of what is written of it.
+fn meaning(part: &Part) -> String {
+    let schema = (part.parameters)();
+    let text = schema.get("description").and_then(|text| text.as_str()).unwrap_or_default();
+    text.lines().collect::<Vec<_>>().join(" ")
 }
 
 fn show_stage(entry: &stages::Entry) {

@@ -122,7 +122,7 @@ impl Experiment {
             let is_set = |place: &&Vec<String>| set.iter().any(|set| place.starts_with(set));
             match places.iter().flatten().filter(is_set).count() {
                 0 => {}
-                count if count == places.len() => continue,
+                count if count == places.iter().flatten().count() => continue,
                 _ => {
                     return Err(Diagnostic::input(format!(
                         "`--set` fixes one path of the zipped axis `{}`",

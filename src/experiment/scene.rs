@@ -10,9 +10,11 @@ use serde::{Deserialize, Serialize};
 use super::parameters::schema;
 use super::tree::Node;
 
+/// What is looked at: terrain, cameras, picture and light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
+    /// `Dem(..)`, `Noise(..)` or `Shape(..)`.
     pub terrain: Terrain,
     /// How the surface runs between height samples. Default: `Triangles`.
     #[serde(default)]
@@ -23,6 +25,7 @@ pub struct Scene {
     /// What the ground looks like, for `Shade`. Default: its height in colours.
     #[serde(default)]
     pub colour: Option<Colour>,
+    /// `Still(..)`, `Orbit(..)` or `Flight(..)`: the same frames every time.
     pub camera: Camera,
     /// Width and height of the image in pixels. Default: (1024, 768).
     #[serde(default = "default_viewport")]
@@ -30,6 +33,7 @@ pub struct Scene {
     /// *Vertical* field of view in degrees. Default: 60.
     #[serde(default = "default_fov_deg")]
     pub fov_deg: f64,
+    /// Where the sun stands.
     #[serde(default)]
     pub light: Light,
 }
@@ -72,6 +76,7 @@ pub enum Colour {
     Cover(Cover),
 }
 
+/// A picture that lies on the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ColourImage {
@@ -172,6 +177,7 @@ impl CellSize {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
+    /// How octaves are put together.
     pub kind: NoiseKind,
     /// Seeds the lattice and the place in it. Default: 0.
     #[serde(default)]
@@ -179,7 +185,7 @@ pub struct Noise {
     /// Columns and rows. Default: (513, 513).
     #[serde(default = "default_size")]
     pub size: (u32, u32),
-    /// Default: 30.
+    /// Metres between samples, one number or (x, y). Default: 30.
     #[serde(default = "default_cell")]
     pub cell_m: CellSize,
     /// Heights at noise values -1 and 1. Default: (0, 1000).
@@ -188,7 +194,7 @@ pub struct Noise {
     /// Length of the coarsest octave in metres. Default: 8000.
     #[serde(default = "default_wavelength_m")]
     pub wavelength_m: f64,
-    /// Default: 8.
+    /// Octaves, each finer than the one before. Default: 8.
     #[serde(default = "default_octaves")]
     pub octaves: u32,
     /// Frequency ratio of neighbouring octaves. Default: 2.
@@ -204,10 +210,15 @@ pub struct Noise {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum NoiseKind {
+    /// Sum of octaves.
     Fbm,
+    /// Octaves folded at zero and turned over: sharp ridges.
     Ridged,
+    /// Octaves folded at zero: round hills.
     Billow,
+    /// Octaves weighted by those before them: smooth valleys, rough heights.
     Hybrid,
+    /// A sum of octaves at places that another noise has moved.
     DomainWarped,
 }
 
@@ -215,11 +226,12 @@ pub enum NoiseKind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
+    /// Which shape.
     pub kind: ShapeKind,
     /// Columns and rows. Default: (513, 513).
     #[serde(default = "default_size")]
     pub size: (u32, u32),
-    /// Default: 30.
+    /// Metres between samples, one number or (x, y). Default: 30.
     #[serde(default = "default_cell")]
     pub cell_m: CellSize,
     /// Lowest and highest height in metres. Default: (0, 1000).
@@ -297,6 +309,7 @@ impl Camera {
     }
 }
 
+/// One place, looked from again and again.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Still {
@@ -322,12 +335,15 @@ pub struct Still {
     pub clearance_m: Option<f64>,
 }
 
+/// A circle around a point of the ground, looked at from above.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Orbit {
+    /// Frames of the circle.
     pub frames: u32,
     /// The world point looked at and circled.
     pub center: (f64, f64, f64),
+    /// Of the circle, in metres.
     pub radius_m: f64,
     /// Height of the eye above the centre.
     pub height_m: f64,
@@ -346,7 +362,9 @@ pub struct Orbit {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Flight {
+    /// Frames of the flight.
     pub frames: u32,
+    /// (eye: (x, y, z), look_at: (x, y, z)), two or more.
     pub keys: Vec<Key>,
     /// Lifts the eye to at least this height above the ground. Default: not at all.
     #[serde(default)]

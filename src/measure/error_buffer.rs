@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Info, Kind, Known, Measure, Measured, Seen, Sums, Tally, read_as};
+use super::{Column, Info, Kind, Known, Measure, Measured, Seen, Show, Sums, Tally, read_as};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
@@ -26,11 +26,11 @@ pub const INFO: Info = Info {
         Known::new(
             "flagged",
             "of pixels",
-            Kind::Other,
+            Kind::Cost,
             "share of pixels that the method says are over its threshold, and casts if it casts any",
         ),
     ],
-    columns: &[],
+    columns: &[Column { heading: "cast %", figure: "flagged", show: Show::Percent }],
 };
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]

@@ -154,15 +154,15 @@ fn of_group(results: &Results, group: &Group, errors: &[(&str, &str)], baseline:
     let mut by_error = Vec::new();
     for (error, shown) in errors {
         let all = chains(results, group, error);
-        by_error.extend(TARGETS_PX.iter().map(|&target_px| {
-            let reached: Vec<_> = all.iter().map(|chain| chain.reached(Asked::CostAtError, target_px)).collect();
-            row(&format!("{shown} <= {target_px} px"), &reached, base, target_px)
-        }));
+        by_error.extend(
+            TARGETS_PX.iter().map(|&target_px| {
+                row(&format!("{shown} <= {target_px} px"), &all, Asked::CostAtError, target_px, base)
+            }),
+        );
     }
-    let by_time = budgets_ms(&all).into_iter().map(|budget_ms| {
-        let reached: Vec<_> = all.iter().map(|chain| chain.reached(Asked::ErrorAtCost, budget_ms)).collect();
-        row(&format!("in {budget_ms} ms"), &reached, base, f64::INFINITY)
-    });
+    let by_time = budgets_ms(&all)
+        .into_iter()
+        .map(|budget_ms| row(&format!("in {budget_ms} ms"), &all, Asked::ErrorAtCost, budget_ms, base));
     let header = |what: &str| std::iter::once(what).chain(names.iter().copied()).map(String::from).collect();
     let (fastest, least) = match names.len() {
         1 => (String::new(), ""),
@@ -183,20 +183,25 @@ fn of_group(results: &Results, group: &Group, errors: &[(&str, &str)], baseline:
 }
 
 /// What the chains reach, side by side.
-fn row(name: &str, reached: &[Option<Reached>], base: usize, target: f64) -> Vec<String> {
+fn row(name: &str, chains: &[Chain], asked: Asked, target: f64, base: usize) -> Vec<String> {
+    let reached: Vec<Option<Reached>> = chains.iter().map(|chain| chain.reached(asked, target)).collect();
     let best = reached.iter().flatten().map(|reached| reached.value).fold(f64::INFINITY, f64::min);
+    let is_at_error = asked == Asked::CostAtError;
     let cell = |(at, own): (usize, &Option<Reached>)| {
-        let Some(own) = own else { return "not reached".to_string() };
+        let Some(own) = own else {
+            let by_faulty = chains[at].points.iter().any(|point| point.is_faulty && asked.held(point) <= target);
+            return if by_faulty { "only faulty" } else { "not reached" }.to_string();
+        };
         let mut text = digits(own.value);
         if own.value <= best && reached.len() > 1 {
             text += " *";
         }
         // its fastest cell of those that reach it is much better than asked for
-        if own.held < target / 2.0 && target.is_finite() {
+        if own.held < target / 2.0 && is_at_error {
             text += &format!(" (at {})", digits(own.held));
         }
         match &reached[base] {
-            Some(base_reached) if at != base && target.is_finite() => text + &ratio(own, base_reached),
+            Some(base_reached) if at != base && is_at_error => text + &ratio(own, base_reached),
             _ => text,
         }
     };

@@ -124,6 +124,7 @@ fn details(results: &Results, picture: &dyn Fn(&str) -> Option<Vec<u8>>) -> serd
             time.ms.as_ref().map(|ms| [ms.median, ms.lower_quartile, ms.upper_quartile].map(rounded))
         });
         made.push(json!({
+            "short": record.head.label_in_scene(),
             "plan": place(&mut plans, record.plan.clone().into()),
             "kernel_set": place(&mut sets, set.collect()),
             "kernel_ms": ms.collect::<Vec<_>>(),

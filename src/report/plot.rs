@@ -32,6 +32,8 @@ const FRONT: RGBColor = RGBColor(250, 205, 90);
 const ONE_PANEL: (u32, u32) = (880, 560);
 const PANEL: (u32, u32) = (520, 400);
 const PANELS_IN_A_ROW: usize = 3;
+/// Scenes that a plot can show.
+const MOST_PANELS: usize = 24;
 /// Names stand to the right of all panels, where they hide nothing: what a name takes, with its line and for each of its letters.
 const LINE_WIDTH: u32 = 44;
 const LETTER_WIDTH: u32 = 8;
@@ -61,10 +63,13 @@ type Error = Box<dyn std::error::Error>;
 pub fn svg(title: &str, results: &Results, axes: &Axes) -> Result<Option<String>, Diagnostic> {
     let standing = Standing::of(results);
     let panels: Vec<Panel> = standing.groups.iter().map(|group| panel(results, group, axes)).collect();
-    let panels: Vec<Panel> = panels.into_iter().filter(|panel| !panel.points.is_empty()).collect();
+    let mut panels: Vec<Panel> = panels.into_iter().filter(|panel| !panel.points.is_empty()).collect();
     if panels.is_empty() {
         return Ok(None);
     }
+    let (title, scenes) = (title.to_string(), panels.len());
+    let title = if scenes > MOST_PANELS { format!("{title} ({MOST_PANELS} of {scenes} scenes)") } else { title };
+    panels.truncate(MOST_PANELS);
     let mut chains: Vec<&str> = Vec::new();
     for point in panels.iter().flat_map(|panel| &panel.points) {
         let chain = results.records[point.record].head.chain.as_str();
@@ -73,7 +78,7 @@ pub fn svg(title: &str, results: &Results, axes: &Axes) -> Result<Option<String>
         }
     }
     let mut text = String::new();
-    let drawn = Drawing { title, panels, chains, axes }.draw(&mut text);
+    let drawn = Drawing { title: &title, panels, chains, axes }.draw(&mut text);
     drawn.map_err(|error| Diagnostic::run(format!("the plot cannot be drawn: {error}")))?;
     Ok(Some(text))
 }
@@ -201,8 +206,7 @@ impl Drawing<'_> {
             }
             named.push(at);
             let head = &panel.records[point.record].head;
-            let own = head.settings.iter().filter(|setting| !setting.is_of_scene()).cloned().collect::<Vec<_>>();
-            let label = crate::experiment::label("", &own).trim().to_string();
+            let label = head.label_in_scene();
             let style = ("sans-serif", 11).into_font().color(&self.colour(&head.chain));
             chart.draw_series([Text::new(label, (point.cost * 1.06, point.error * 1.5), style)])?;
         }

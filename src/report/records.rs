@@ -186,6 +186,12 @@ impl Head {
         crate::experiment::label(&self.chain, &self.settings)
     }
 
+    /// What tells it from the others of its chain that look at the same scene.
+    pub fn label_in_scene(&self) -> String {
+        let own: Vec<Varied> = self.settings.iter().filter(|setting| !setting.is_of_scene()).cloned().collect();
+        crate::experiment::label("", &own).trim().to_string()
+    }
+
     /// The same place in the same experiment, whatever has changed in what it computes.
     pub fn is_same_point(&self, other: &Head) -> bool {
         self.point() == other.point()

@@ -539,6 +539,9 @@ function frontOf(points, moreIsBetter) {
 /** What the plot shows now: scales, and a panel for each scene. Made by `computePlot`. */
 let plot = null;
 
+/** Panels that the plot has at once; the filter of scenes chooses others. */
+const MOST_PANELS = 24;
+
 function computePlot() {
   const [errorColumn, costColumn] = [columns.get(state.error), columns.get(state.cost)];
   if (!errorColumn || !costColumn) return null;
@@ -563,7 +566,8 @@ function computePlot() {
   }
   const inOrder = [...panels.values()].sort((a, b) => a.scene - b.scene);
   inOrder.forEach((panel) => (panel.fronts = frontsOf(panel.points, errorColumn)));
-  return { x, y, target, panels: inOrder, unmeasured, size: measured.length };
+  const hiddenPanels = Math.max(0, inOrder.length - MOST_PANELS);
+  return { x, y, target, panels: inOrder.slice(0, MOST_PANELS), hiddenPanels, unmeasured, size: measured.length };
 }
 
 /** One front an adapter, since times of different adapters say nothing of a method. */
@@ -901,11 +905,9 @@ function drawLimitNames(context, chart, taken, width, height) {
   }
 }
 
-/** What a point is called in the plot: the colour says which chain it is, so its name is left out if there is more. */
+/** What a point is called in the plot: the colour says which chain it is and the panel which scene, so the rest is enough if there is one. */
 function shortLabel(cell, most) {
-  const [label, chain] = [text("label", cell), text("chain", cell)];
-  const rest = label.startsWith(chain) ? label.slice(chain.length).trim() : label;
-  const name = rest || label || chain;
+  const name = data.details[cell]?.short || text("chain", cell);
   return name.length > most ? `${name.slice(0, most - 1)}…` : name;
 }
 
@@ -1031,6 +1033,7 @@ function notes() {
   }
   const neither = `no point: ${y.column.title} or ${x.column.title} was not measured.`;
   add(plot.unmeasured, `has ${neither}`, `have ${neither}`);
+  if (plot.hiddenPanels > 0) list.push(`${grouped(plot.hiddenPanels)} more scenes have no panel here: the filter of scenes chooses them.`);
   return list;
 }
 
