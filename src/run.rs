@@ -182,7 +182,10 @@ pub fn carry_out(
     if !options.is_part && (!results.records.is_empty() || results.failures.is_empty()) {
         let put = |name: &str, bytes: Option<&[u8]>| match bytes {
             Some(bytes) => store.write(name, bytes),
-            None => Ok(store.remove(name)),
+            None => {
+                store.remove(name);
+                Ok(())
+            }
         };
         let picture = |name: &str| regular::read(&folder.join(name)).ok();
         answers = report::write(&results, &Wanted::new(title, options.baseline.as_deref()), &put, &picture)?;

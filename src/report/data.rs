@@ -135,6 +135,12 @@ impl Rows<'_> {
         self.push(name, unit, role, meaning, Values::Integer(values));
     }
 
+    /// A whole number that is known of all cells.
+    fn count(&mut self, name: &str, unit: &'static str, meaning: &str, of: impl Fn(&Head) -> u64) {
+        let values = self.results.heads().map(|head| i64::try_from(of(head)).ok()).collect();
+        self.push(name, unit, Role::About, meaning, Values::Integer(values));
+    }
+
     fn identify(&mut self, standing: &Standing) {
         self.text("cell", Role::Id, "hash of everything that decides the results", |head| head.hash.clone());
         self.text("experiment", Role::Id, "title of the experiment", |head| head.experiment.clone());
@@ -218,17 +224,10 @@ impl Rows<'_> {
 
     fn about(&mut self) {
         self.text("terrain", Role::About, "the terrain as it is written", |head| head.scene.terrain.clone());
-        let sides: [(&str, fn(&Head) -> u64); 3] = [
-            ("viewport_columns", |head| head.scene.viewport.0.into()),
-            ("viewport_rows", |head| head.scene.viewport.1.into()),
-            ("frames", |head| head.scene.frames as u64),
-        ];
-        for (name, of) in sides {
-            let values = self.results.heads().map(|head| i64::try_from(of(head)).ok()).collect();
-            let (unit, meaning) =
-                if name == "frames" { ("", "frames of the camera path") } else { ("px", "of the picture") };
-            self.push(name, unit, Role::About, meaning, Values::Integer(values));
-        }
+        let meaning = "of the picture";
+        self.count("viewport_columns", "px", meaning, |head| head.scene.viewport.0.into());
+        self.count("viewport_rows", "px", meaning, |head| head.scene.viewport.1.into());
+        self.count("frames", "", "frames of the camera path", |head| head.scene.frames as u64);
         self.text("driver", Role::About, "driver of the adapter", |head| head.adapter.driver.clone());
         self.text("backend", Role::About, "what wgpu reaches the adapter through", |head| head.adapter.backend.clone());
         self.text("date", Role::About, "when the cell was run, coordinated universal time", |head| {

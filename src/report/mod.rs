@@ -16,4 +16,4 @@ mod write;
 
 pub use records::{Identity, Record, Results};
 pub use store::Store;
-pub use write::{Wanted, write};
+pub use write::{Put, Wanted, write};

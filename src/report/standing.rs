@@ -122,10 +122,15 @@ pub fn front(points: &[Point]) -> Vec<Point> {
     front
 }
 
+/// The axis along which a curve goes, and what is the same in all of its points.
+type CurveKey<'a> = (String, Vec<&'a Varied>);
+/// A point with its value on the axis of its curve.
+type Placed = (Vec<f64>, Point);
+
 /// Curves through the points of one chain: each joins sound points that differ in one axis of numbers alone, in the order of that axis. A
 /// chain without such an axis has no curve.
 pub fn curves(records: &[Record], points: &[Point]) -> Vec<Vec<Point>> {
-    let mut curves: BTreeMap<(String, Vec<&Varied>), Vec<(Vec<f64>, Point)>> = BTreeMap::new();
+    let mut curves: BTreeMap<CurveKey, Vec<Placed>> = BTreeMap::new();
     for point in points.iter().filter(|point| !point.is_faulty) {
         let settings = &records[point.record].head.settings;
         let axes: BTreeSet<&str> =
@@ -140,8 +145,7 @@ pub fn curves(records: &[Record], points: &[Point]) -> Vec<Vec<Point>> {
             }
         }
     }
-    let order =
-        |a: &(Vec<f64>, Point), b: &(Vec<f64>, Point)| a.0.partial_cmp(&b.0).unwrap_or(std::cmp::Ordering::Equal);
+    let order = |a: &Placed, b: &Placed| a.0.partial_cmp(&b.0).unwrap_or(std::cmp::Ordering::Equal);
     let sorted = curves.into_values().filter(|curve| curve.len() > 1).map(|mut curve| {
         curve.sort_by(order);
         curve.into_iter().map(|(_, point)| point).collect()

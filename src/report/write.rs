@@ -24,11 +24,14 @@ impl<'a> Wanted<'a> {
     }
 }
 
-/// Writes all reports. `put` writes a file, with nothing in it removes it; `picture` reads one of the results' pictures.
+/// Writes a file under its name, or removes it if there is nothing to be in it.
+pub type Put<'a> = dyn Fn(&str, Option<&[u8]>) -> Result<(), Diagnostic> + 'a;
+
+/// Writes all reports; `picture` reads one of the results' pictures.
 pub fn write(
     results: &Results,
     wanted: &Wanted,
-    put: &dyn Fn(&str, Option<&[u8]>) -> Result<(), Diagnostic>,
+    put: &Put,
     picture: &dyn Fn(&str) -> Option<Vec<u8>>,
 ) -> Result<Vec<Answer>, Diagnostic> {
     let answers = equal::answers(results, wanted.baseline);
@@ -98,14 +101,12 @@ fn frames(records: &[Record]) -> Vec<Column> {
         column("label", "", "chain and what was varied", Role::Id, Values::Text(labels)),
         column("frame", "", "number of the frame, from 0", Role::Id, Values::Integer(numbers)),
     ];
-    let times: [(&str, fn(&Record) -> &[Option<f64>]); 2] = [
-        ("method_ms", |record| &record.timings.method_ms_by_frame),
-        ("frame_ms", |record| &record.timings.frame_ms_by_frame),
-    ];
-    for (name, of) in times {
+    let mut time = |name: &str, of: fn(&Record) -> &[Option<f64>]| {
         let values = rows.iter().map(|(record, frame)| of(record).get(*frame).copied().flatten()).collect();
         columns.push(column(name, "ms", "median of the frame's samples", Role::Cost, Values::Number(values)));
-    }
+    };
+    time("method_ms", |record| &record.timings.method_ms_by_frame);
+    time("frame_ms", |record| &record.timings.frame_ms_by_frame);
     let mut names: Vec<&String> = records.iter().flat_map(|record| record.by_frame.keys()).collect();
     names.sort();
     names.dedup();

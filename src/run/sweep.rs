@@ -35,7 +35,14 @@ pub struct Sweep<'a> {
     /// Jobs without results, by their place.
     failed: RefCell<BTreeMap<usize, Failure>>,
     /// By scene: the cells that have pictures since no other one beats them so far, with cost and error.
-    fronts: RefCell<BTreeMap<String, Vec<(String, (f64, f64))>>>,
+    fronts: RefCell<BTreeMap<String, Vec<OnFront>>>,
+}
+
+/// A cell that no other one beats so far.
+struct OnFront {
+    hash: String,
+    cost: f64,
+    error: f64,
 }
 
 /// In a sweep of more cells only those on the front have pictures, unless all are asked for.
@@ -157,16 +164,17 @@ impl<'a> Sweep<'a> {
         if let Some((cost, error)) = cost_and_error.filter(|_| self.is_large()) {
             let mut fronts = self.fronts.borrow_mut();
             let front = fronts.entry(record.head.scene.key.clone()).or_default();
-            let is_beaten = front.iter().any(|(_, own)| own.0 <= cost && own.1 <= error);
+            let is_beaten = front.iter().any(|own| own.cost <= cost && own.error <= error);
             if is_beaten || !record.faults().is_empty() {
                 return Ok(());
             }
-            let (stays, beaten) = front.drain(..).partition(|(_, own)| own.0 < cost || own.1 < error);
+            let (beaten, stays): (Vec<OnFront>, Vec<OnFront>) =
+                front.drain(..).partition(|own| cost <= own.cost && error <= own.error);
             *front = stays;
-            front.push((record.head.hash.clone(), (cost, error)));
-            let beaten: Vec<(String, (f64, f64))> = beaten;
-            let files = beaten.iter().flat_map(|(hash, _)| PICTURES.iter().map(move |(kind, _)| (hash, kind)));
-            files.for_each(|(hash, kind)| self.store.remove(&picture_name(hash, kind)));
+            front.push(OnFront { hash: record.head.hash.clone(), cost, error });
+            for (kind, _) in PICTURES {
+                beaten.iter().for_each(|own| self.store.remove(&picture_name(&own.hash, kind)));
+            }
         }
         for picture in pictures {
             let png = pictures::png(picture.width, &picture.rgb)?;

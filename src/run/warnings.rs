@@ -59,10 +59,13 @@ fn likely(reason: &str, plan: &Plan) -> String {
 /// Names at least so much alike can be a slip of each other.
 const LIKE: f64 = 0.93;
 
+/// Hashes of cells, by what they do not have in common.
+type Group<'a> = BTreeMap<Vec<&'a Varied>, Vec<String>>;
+
 /// A line for each axis whose values all compute the same in a chain.
 pub fn axes<'a>(cells: impl Iterator<Item = (&'a Cell, &'a Identity)>) -> Vec<String> {
     // by chain and axis: the hashes of the cells that differ in nothing else
-    let mut groups: BTreeMap<(&str, String), BTreeMap<Vec<&Varied>, Vec<String>>> = BTreeMap::new();
+    let mut groups: BTreeMap<(&str, String), Group> = BTreeMap::new();
     for (cell, identity) in cells {
         let axes: BTreeSet<&str> = cell.settings.iter().map(|setting| setting.axis.as_str()).collect();
         for axis in axes {
