@@ -82,6 +82,12 @@ fn every_measure_measures_what_is_drawn() {
         assert_eq!(first, figures(&["--force"]), "{}", info.name);
         let is_measured = |measures: &serde_json::Value| measures.as_array().is_some_and(|all| !all.is_empty());
         assert_eq!(is_measured(&first[0]), info.name != "Time", "{}", info.name);
+        // what a measure gives is what it has said that it gives
+        for figure in first.iter().filter_map(|measures| measures.as_array()).flatten() {
+            let known = info.figures.iter().find(|known| figure["name"] == known.name);
+            let known = known.unwrap_or_else(|| panic!("{} has not said that it gives {figure}", info.name));
+            assert!(figure["unit"] == known.unit && !known.meaning.is_empty(), "{figure}");
+        }
         for column in info.columns.iter().filter(|column| info.name != "Time" || !column.figure.ends_with("_ms")) {
             let has = |measures: &serde_json::Value| measures.to_string().contains(column.figure);
             assert!(first.iter().any(has), "the column `{}` shows no figure of {}", column.heading, info.name);
