@@ -109,6 +109,10 @@ pub enum Event {
         why: String,
         does_not_fit: bool,
     },
+    /// Another process has run the cell meanwhile.
+    CellIsDone {
+        label: String,
+    },
     /// The cell computes what another one has computed.
     CellIsTheSame {
         label: String,

@@ -228,6 +228,34 @@ fn shards_come_to_the_same_as_one_process() {
     assert_eq!(timeless(&one), timeless(&three));
 }
 
+/// Two processes that are given the same cells share them out, and harm nobody.
+#[test]
+fn two_processes_in_one_folder_share_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let sizes: Vec<String> = (8..48).map(|side| format!("({side}, {side})")).collect();
+    experiment(
+        folder.path(),
+        &format!(
+            "scene: ({SCENE}), chains: {{\"grid\": [{GRID}]}}, sweep: {{\"*.ViewGrid.size\": [{}]}}, measure: [ScreenError, Time(repeats: 3)]",
+            sizes.join(", ")
+        ),
+    );
+    let start = || {
+        let mut command = lodlab(folder.path());
+        command.args(["run", "made.ron", "--out", "out"]).stdout(std::process::Stdio::piped()).spawn().unwrap()
+    };
+    let both = [start(), start()].map(|child| {
+        let output = child.wait_with_output().unwrap();
+        succeeded(&output);
+        said(&output).lines().filter(|line| line.starts_with("run ")).count()
+    });
+    // one that begins late has little left to do; what both begin at the same instant is run twice
+    assert!((40..60).contains(&(both[0] + both[1])), "{both:?}");
+    let out = folder.path().join("out");
+    assert_eq!(timeless(&out).len(), 40);
+    assert_eq!(std::fs::read_dir(out.join("claims")).unwrap().count(), 0);
+}
+
 /// A value more on an axis runs its cells only.
 #[test]
 fn a_new_value_runs_the_new_cells() {

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressState, ProgressStyle};
 
 use lodlab::report::table::digits;
 use lodlab::run::Event;
@@ -24,8 +24,13 @@ pub fn bar() -> ProgressBar {
     if !std::io::stderr().is_terminal() {
         return ProgressBar::hidden();
     }
-    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} cells, {per_sec}, {eta} left: {msg}");
-    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+    let style = ProgressStyle::with_template("{bar:30} {pos}/{len} cells, {rate} a second, {eta} left: {msg}");
+    let rate = |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+        // a bar that cannot be written is no reason to stop
+        let _ = write!(out, "{}", digits(state.per_sec()));
+    };
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar()).with_key("rate", rate);
+    ProgressBar::new(0).with_style(style)
 }
 
 pub struct Progress {
@@ -58,9 +63,9 @@ impl Progress {
         }
     }
 
-    /// The same, where somebody wants to know it.
+    /// The same, where somebody wants to know it and no bar shows it.
     fn note(&self, text: &str) {
-        if self.manner == Manner::Lines {
+        if self.manner == Manner::Lines && self.bar.is_hidden() {
             self.line(text);
         }
     }
@@ -95,7 +100,13 @@ impl Progress {
             Event::CellStarted { label, reason } => {
                 self.running.clone_from(label);
                 self.bar.set_message(label.clone());
-                self.note(&format!("run {label} ({reason})"));
+                let line = format!("run {label} ({reason})");
+                // why a cell runs again is worth a line anywhere
+                match reason.as_str() {
+                    "new" => self.note(&line),
+                    _ if self.manner == Manner::Lines => self.line(&line),
+                    _ => {}
+                }
             }
             Event::Frame { done, of } => {
                 let chain = self.best_px.iter().find(|(chain, _)| self.running.starts_with(chain.as_str()));
@@ -117,6 +128,10 @@ impl Progress {
                 let what = if *does_not_fit { "skip" } else { "FAIL" };
                 let fits = if *does_not_fit { "it does not fit: " } else { "" };
                 self.line(&format!("{what} {label} ({fits}{why})"));
+            }
+            Event::CellIsDone { label } => {
+                self.is_over();
+                self.note(&format!("skip {label} (another process has run it)"));
             }
             Event::CellIsTheSame { label } => {
                 self.is_over();

@@ -190,7 +190,7 @@ fn show_outcome(outcome: &Outcome, options: &Options) {
 fn tally(outcome: &Outcome) -> String {
     let Results { records, failures } = &outcome.results;
     let same = records.len().saturating_sub(outcome.ran + outcome.finished);
-    let same = if same > 0 { format!(", {same} the same as another one") } else { String::new() };
+    let same = if same > 0 { format!(", {same} that another cell or process had run") } else { String::new() };
     let failed = match failures.len() {
         0 => String::new(),
         count => format!(", {count} without results"),

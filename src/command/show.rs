@@ -31,8 +31,12 @@ pub fn plans(file: &Path, settings: Vec<Setting>) -> Result<(), Diagnostic> {
         }
         shown[at].1.push(prepared.cell.label());
     }
-    for (text, labels) in shown {
+    let cells: usize = shown.iter().map(|(_, labels)| labels.len()).sum();
+    for (text, labels) in &shown {
         say!("{}\n{text}", labels.join("\n"));
+    }
+    if cells > 1 {
+        say!("{cells} cells, {} plans", shown.len());
     }
     Ok(())
 }

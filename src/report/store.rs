@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -178,6 +179,22 @@ impl Store {
         Ok(())
     }
 
+    /// Notes that this process runs a cell. It is a hint to others that look for work, and no lock: whoever runs the cell anyway does no harm.
+    pub fn claim(&self, hash: &str) -> Result<(), Diagnostic> {
+        write_file(&self.folder, &claim_name(hash), std::process::id().to_string().as_bytes())
+    }
+
+    pub fn give_up_claim(&self, hash: &str) {
+        let _ = fs::remove_file(self.folder.join(claim_name(hash)));
+    }
+
+    /// Whether another process has said a short while ago that it runs a cell.
+    pub fn is_claimed(&self, hash: &str) -> bool {
+        let about = fs::metadata(self.folder.join(claim_name(hash)));
+        let age = about.and_then(|about| about.modified()).map(|time| time.elapsed().unwrap_or_default());
+        age.is_ok_and(|age| age < CLAIM_LASTS)
+    }
+
     /// Notes that a cell has the record of another one, which computes the same.
     pub fn save_name(&self, name: &Name) -> Result<(), Diagnostic> {
         let text = serde_json::to_string_pretty(name)
@@ -201,6 +218,11 @@ impl Store {
     pub fn save_failure(&self, failure: &Failure) -> Result<(), Diagnostic> {
         let text = seal(failure).map_err(|error| Diagnostic::run(format!("a record cannot be written: {error}")))?;
         self.write(&failure_name(&failure.head.hash), text.as_bytes())
+    }
+
+    /// A file that was written need not be there in the end: another process may know better.
+    pub fn forget(&self, name: &str) {
+        self.written.borrow_mut().remove(name);
     }
 
     /// Whether a file could not be written.
@@ -241,6 +263,13 @@ const MOST_NAMED: usize = 5;
 fn cell_name(hash: &str) -> String {
     format!("cells/{hash}.json")
 }
+
+fn claim_name(hash: &str) -> String {
+    format!("claims/{hash}")
+}
+
+/// How long a claim is believed: whoever made it may have died.
+const CLAIM_LASTS: Duration = Duration::from_secs(600);
 
 fn failure_name(hash: &str) -> String {
     format!("failures/{hash}.json")

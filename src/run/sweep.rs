@@ -82,16 +82,30 @@ impl<'a> Sweep<'a> {
         self.ran.borrow().len()
     }
 
-    /// Runs the jobs that must run and that fit. Cells that look at the same frames run one after the other and share their ground truth.
+    /// Runs the jobs that must run and that fit; those that another process has begun come last, if it has not finished them by then.
     pub fn run(&self, jobs: &[Job], mut must_run: Vec<bool>, misfits: &[(usize, GpuError)]) -> Result<End, Diagnostic> {
         for (at, why) in misfits {
             if std::mem::take(&mut must_run[*at]) {
                 self.does_not_fit(&jobs[*at], *at, why)?;
             }
         }
+        let others = RefCell::new(vec![false; jobs.len()]);
+        let is_mine = |at: usize| {
+            let is_claimed = self.store.is_claimed(&self.identities[at].hash());
+            others.borrow_mut()[at] = is_claimed;
+            !is_claimed
+        };
+        match self.pass(jobs, &must_run, &is_mine)? {
+            End::Stopped => Ok(End::Stopped),
+            End::Done => self.pass(jobs, &others.into_inner(), &|_| true),
+        }
+    }
+
+    /// Cells that look at the same frames run one after the other and share their ground truth.
+    fn pass(&self, jobs: &[Job], wanted: &[bool], is_mine: &dyn Fn(usize) -> bool) -> Result<End, Diagnostic> {
         let mut done = vec![false; jobs.len()];
         for first in 0..jobs.len() {
-            if done[first] || !must_run[first] {
+            if done[first] || !wanted[first] {
                 continue;
             }
             let job = &jobs[first];
@@ -99,12 +113,12 @@ impl<'a> Sweep<'a> {
                 (self.tell)(Event::Warning { text });
             }
             let mut truth = job.truth.as_ref().map(|plan| Truth::new(self.gpu, plan, &job.prepared)).transpose()?;
-            let is_with_first = |at: &usize| must_run[*at] && (*at == first || job.shares_truth(&jobs[*at]));
+            let is_with_first = |at: &usize| wanted[*at] && (*at == first || job.shares_truth(&jobs[*at]));
             for at in interleaved(jobs, (first..jobs.len()).filter(is_with_first).collect()) {
-                if self.run_cell(&jobs[at], at, truth.as_mut())? == End::Stopped {
+                done[at] = true;
+                if is_mine(at) && self.run_cell(&jobs[at], at, truth.as_mut())? == End::Stopped {
                     return Ok(End::Stopped);
                 }
-                done[at] = true;
             }
         }
         Ok(End::Done)
@@ -117,8 +131,12 @@ impl<'a> Sweep<'a> {
         let label = crate::experiment::label(&cell.chain, &cell.varied());
         // another process may have run it by now
         let is_done = self.store.finished(&hash).is_none() && self.store.read(&hash).is_some();
-        if self.ran.borrow().contains(&hash) || is_done && !self.options.force {
+        if self.ran.borrow().contains(&hash) {
             (self.tell)(Event::CellIsTheSame { label });
+            return Ok(End::Done);
+        }
+        if is_done && !self.options.force {
+            (self.tell)(Event::CellIsDone { label });
             return Ok(End::Done);
         }
         let reason = match self.store.finished(&hash) {
@@ -128,7 +146,10 @@ impl<'a> Sweep<'a> {
             None => self.store.reason(&cell.chain, &cell.varied(), identity),
         };
         (self.tell)(Event::CellStarted { label: label.clone(), reason });
-        let (record, pictures) = match self.measured(job, at, truth) {
+        self.store.claim(&hash)?;
+        let measured = self.measured(job, at, truth);
+        self.store.give_up_claim(&hash);
+        let (record, pictures) = match measured {
             Ok(Measured::Done(record, pictures)) => (record, pictures),
             Ok(Measured::Stopped) => return Ok(End::Stopped),
             Ok(Measured::DoesNotFit(why)) => return self.does_not_fit(job, at, &why).map(|()| End::Done),
@@ -178,7 +199,11 @@ impl<'a> Sweep<'a> {
         }
         for picture in pictures {
             let png = pictures::png(picture.width, &picture.rgb)?;
-            self.store.write(&picture_name(&record.head.hash, picture.kind), &png)?;
+            let name = picture_name(&record.head.hash, picture.kind);
+            self.store.write(&name, &png)?;
+            if self.is_large() {
+                self.store.forget(&name);
+            }
         }
         Ok(())
     }
