@@ -91,6 +91,7 @@ pub enum Event {
     },
     CellStarted {
         label: String,
+        chain: String,
         reason: String,
     },
     Frame {
@@ -235,7 +236,7 @@ fn checked(jobs: &[Job], gpu: &Gpu, options: &Options, tell: &dyn Fn(Event)) -> 
     }
     for name in &options.on_cpu {
         let has = |job: &Job| !walk::find_stages(&job.prepared.cell, std::slice::from_ref(name)).is_empty();
-        if !jobs.iter().any(has) {
+        if !jobs.iter().any(has) && !options.is_part {
             let stages = jobs.iter().flat_map(|job| job.prepared.cell.stages.iter().map(|call| call.name.as_str()));
             return Err(Diagnostic::input(format!("there is no cell with a stage `{name}`"))
                 .suggest(name, stages.collect::<BTreeSet<_>>()));
@@ -243,7 +244,7 @@ fn checked(jobs: &[Job], gpu: &Gpu, options: &Options, tell: &dyn Fn(Event)) -> 
     }
     let cells = jobs.iter().map(|job| &job.prepared.cell).zip(&identities);
     idle.told().into_iter().chain(warnings::axes(cells)).for_each(|text| tell(Event::Warning { text }));
-    match absent.into_iter().next() {
+    match absent.into_iter().next().filter(|_| !options.is_part) {
         Some((name, why)) => Err(why.unwrap_or_else(|| nothing_to_dump(name))),
         None => Ok(Checked { identities, misfits }),
     }

@@ -177,9 +177,16 @@ fn names_of_a_file_are_those_of_its_tables() {
     let labels: Vec<&str> = rows.iter().map(|row| row["label"].as_str().unwrap()).collect();
     assert_eq!(labels[..3], ["a scene=hills points=few", "a scene=hills points=many", "b scene=hills points=few"]);
     assert_eq!((rows.len(), &rows[0]["points"], &rows[7]["scene"]), (8, &"few".into(), &"waves".into()));
+    // no column is there twice
+    let header = std::fs::read_to_string(folder.path().join("out/records.csv")).unwrap();
+    let columns: Vec<&str> = header.lines().next().unwrap().split(',').collect();
+    assert_eq!(columns.iter().filter(|column| **column == "scene").count(), 1, "{columns:?}");
+    // who makes the report later knows the baseline
+    let later = said(&run_in(folder.path(), &["report", "out"]));
+    assert!(later.contains("ratio to `b`"), "{later}");
     // one table a scene, and the ratios are to the chain that is named
     let text = said(&output);
-    assert!(text.contains("at equal error (scene=hills)") && text.contains("at equal error (scene=waves)"), "{text}");
+    assert!(text.contains("at equal error (hills)") && text.contains("at equal error (waves)"), "{text}");
     assert!(text.contains("ratio to `b`"), "{text}");
 }
 
@@ -271,6 +278,35 @@ fn a_new_value_runs_the_new_cells() {
     };
     assert!(sized("(8, 6), (12, 9)").contains("2 cells run, 0 finished before"));
     assert!(sized("(8, 6), (10, 8), (12, 9)").contains("1 cells run, 2 finished before"));
+}
+
+/// What is changed and changed back has its first results again, in reports, too.
+#[test]
+fn a_change_that_is_taken_back_is_what_a_report_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let triangles = |size: &str| {
+        experiment(
+            folder.path(),
+            &format!(
+                "scene: ({SCENE}), chains: {{\"g\": [HeightPyramid, ViewGrid(size: {size}), Project, Rasterize]}}, measure: [Mesh]"
+            ),
+        );
+        succeeded(&run_in(folder.path(), &["run", "made.ron", "--out", "out"]));
+        let ran = rows(&out)[0]["triangles"].clone();
+        succeeded(&run_in(folder.path(), &["report", "out"]));
+        let reported = rows(&out);
+        assert_eq!((reported.len(), &reported[0]["triangles"]), (1, &ran), "{size}");
+        ran
+    };
+    let first = triangles("(8, 6)");
+    assert_ne!(triangles("(32, 24)"), first);
+    assert_eq!(triangles("(8, 6)"), first);
+    // without a record nothing that was made of them before is lost
+    std::fs::remove_dir_all(out.join("cells")).unwrap();
+    std::fs::create_dir(out.join("cells")).unwrap();
+    assert_eq!(run_in(folder.path(), &["report", "out"]).status.code(), Some(2));
+    assert_eq!(rows(&out)[0]["triangles"], first);
 }
 
 /// Records that are cut off, of another version, changed, or that do not agree.
@@ -405,6 +441,20 @@ fn two_folders_are_compared_cell_by_cell() {
     assert_eq!(worse.status.code(), Some(1), "{}", said(&worse));
     assert!(errors(&worse).contains("grows by") && said(&worse).contains("1 faster"), "{}", errors(&worse));
     succeeded(&run_in(folder.path(), &["compare", "after", "before"]));
+
+    // a cell that has no results any more is no cell that is left out
+    let out = folder.path().join("after");
+    let cell = std::fs::read_dir(out.join("cells")).unwrap().next().unwrap().unwrap().path();
+    let mut failure: Value = serde_json::from_slice(&std::fs::read(&cell).unwrap()).unwrap();
+    failure.as_object_mut().unwrap().remove("digest");
+    failure["why"] = "the device was lost".into();
+    failure["does_not_fit"] = false.into();
+    std::fs::create_dir_all(out.join("failures")).unwrap();
+    std::fs::write(out.join("failures").join(cell.file_name().unwrap()), sealed(&failure)).unwrap();
+    std::fs::remove_file(&cell).unwrap();
+    let failed = run_in(folder.path(), &["compare", "before", "after"]);
+    assert_eq!(failed.status.code(), Some(1));
+    assert!(errors(&failed).contains("has no results any more: the device was lost"), "{}", errors(&failed));
 }
 
 /// The schema has every column of a table that was written, and the types in the Parquet file are those it says.

@@ -69,6 +69,17 @@ impl Chosen {
         Ok(Self { shard, named })
     }
 
+    /// Refuses named cells of which the experiments have none.
+    pub fn check_found(&self, found: usize) -> Result<(), Diagnostic> {
+        match &self.named {
+            Some(named) if found == 0 && !named.is_empty() => {
+                Err(Diagnostic::input(format!("the experiment has none of the {} cells that are named", named.len()))
+                    .help("`lodlab cells` lists cells by their settings: give it the same --set and --frames"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     pub fn has(&self, at: usize, cell: &Cell) -> bool {
         let in_shard = self.shard.is_none_or(|shard| at % shard.of == shard.number - 1);
         in_shard && self.named.as_ref().is_none_or(|named| named.contains(&(cell.chain.clone(), cell.varied())))

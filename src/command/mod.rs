@@ -36,5 +36,12 @@ fn set(set: &[String], frames: Option<u32>) -> Vec<String> {
 }
 
 fn settings(arguments: &[String]) -> Result<Vec<Setting>, Diagnostic> {
-    arguments.iter().map(|argument| sweep::read_setting(argument)).collect()
+    let mut settings: Vec<Setting> = Vec::new();
+    for argument in arguments {
+        let setting = sweep::read_setting(argument)?;
+        // of several for one path the last counts
+        settings.retain(|known| known.path != setting.path);
+        settings.push(setting);
+    }
+    Ok(settings)
 }

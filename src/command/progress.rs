@@ -40,7 +40,8 @@ pub struct Progress {
     told: BTreeSet<String>,
     cells: usize,
     done: usize,
-    running: String,
+    /// Label and chain of the cell that runs.
+    running: (String, String),
     /// The least error of each chain so far, in pixels.
     best_px: BTreeMap<String, f64>,
 }
@@ -49,7 +50,7 @@ impl Progress {
     pub fn new(manner: Manner) -> Self {
         let bar = if manner == Manner::Lines { bar() } else { ProgressBar::hidden() };
         let (told, best_px) = Default::default();
-        Self { manner, bar, told, cells: 0, done: 0, running: String::new(), best_px }
+        Self { manner, bar, told, cells: 0, done: 0, running: Default::default(), best_px }
     }
 
     pub fn finish(&self) {
@@ -97,8 +98,8 @@ impl Progress {
                     self.note(&format!("{finished} of {cells} cells are finished and stay as they are"));
                 }
             }
-            Event::CellStarted { label, reason } => {
-                self.running.clone_from(label);
+            Event::CellStarted { label, chain, reason } => {
+                self.running = (label.clone(), chain.clone());
                 self.bar.set_message(label.clone());
                 let line = format!("run {label} ({reason})");
                 // why a cell runs again is worth a line anywhere
@@ -109,9 +110,10 @@ impl Progress {
                 }
             }
             Event::Frame { done, of } => {
-                let chain = self.best_px.iter().find(|(chain, _)| self.running.starts_with(chain.as_str()));
-                let best = chain.map_or(String::new(), |(_, px)| format!(", best so far {} px", digits(*px)));
-                self.bar.set_message(format!("{}, frame {done} of {of}{best}", self.running));
+                let (label, chain) = &self.running;
+                let best = self.best_px.get(chain);
+                let best = best.map_or(String::new(), |px| format!(", best so far {} px", digits(*px)));
+                self.bar.set_message(format!("{label}, frame {done} of {of}{best}"));
             }
             Event::CellDone { label, chain, frame_ms, error_rms_px } => {
                 self.is_over();

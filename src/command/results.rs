@@ -8,6 +8,7 @@ use lodlab::measure;
 use lodlab::report::compare::{self, Comparison, Limits, Pair, Verdict};
 use lodlab::report::equal::Answer;
 use lodlab::report::folders::{self, Found};
+use lodlab::report::page::{PICTURES, picture_name};
 use lodlab::report::table::digits;
 use lodlab::report::{self, Wanted, data};
 
@@ -23,13 +24,15 @@ pub fn report(wanted: &Reporting) -> Result<(), Diagnostic> {
             return Err(Diagnostic::input("a report of several folders needs one to be written to").help("--out DIR"));
         }
     };
-    if found.results.heads().next().is_none() && found.excluded.is_empty() {
+    if found.results.heads().next().is_none() {
+        // what was made of them before stays
+        refuse_excluded(&found)?;
         return Err(Diagnostic::input("there is no finished cell").help("`lodlab run FILE --out DIR` makes some"));
     }
     check_names(wanted, &found)?;
     let titles = titles(&found);
-    let wish =
-        Wanted { title: &titles, baseline: wanted.baseline.as_deref(), error: &wanted.error, cost: &wanted.cost };
+    let baseline = wanted.baseline.as_deref().or(found.baseline());
+    let wish = Wanted { title: &titles, baseline, error: &wanted.error, cost: &wanted.cost };
     let put = |name: &str, bytes: Option<&[u8]>| match bytes {
         Some(bytes) => Found::write_into(&out, name, bytes),
         None => {
@@ -40,6 +43,7 @@ pub fn report(wanted: &Reporting) -> Result<(), Diagnostic> {
     };
     let picture = |name: &str| regular::read(&found.file(name)?).ok();
     let answers = report::write(&found.results, &wish, &put, &picture)?;
+    copy_pictures(&found, &out)?;
     say_answers(&answers);
     say!("{} cells, {} failed", found.results.records.len(), found.results.failures.len());
     if found.superseded > 0 {
@@ -47,6 +51,19 @@ pub fn report(wanted: &Reporting) -> Result<(), Diagnostic> {
     }
     say_files(&out);
     refuse_excluded(&found)
+}
+
+/// What the page points at lies beside it.
+fn copy_pictures(found: &Found, out: &Path) -> Result<(), Diagnostic> {
+    for record in &found.results.records {
+        for name in PICTURES.iter().map(|(kind, _)| picture_name(&record.head.hash, kind)) {
+            let source = found.file(&name).filter(|_| !out.join(&name).exists());
+            if let Some(png) = source.and_then(|source| regular::read(&source).ok()) {
+                Found::write_into(out, &name, &png)?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Tables of several scenes that are printed.
@@ -74,10 +91,14 @@ pub fn say_files(folder: &Path) {
 
 fn check_names(wanted: &Reporting, found: &Found) -> Result<(), Diagnostic> {
     let columns = data::columns(&found.results);
-    for (name, role) in [(&wanted.error, data::Role::Error), (&wanted.cost, data::Role::Cost)] {
-        let known = columns.iter().filter(|column| column.role == role).map(|column| column.name.as_str());
-        let is_default = Wanted::new("", None).error == name || Wanted::new("", None).cost == name;
-        if !is_default && !known.clone().any(|known| known == name) {
+    let default = Wanted::new("", None);
+    for (name, default, role) in
+        [(&wanted.error, default.error, data::Role::Error), (&wanted.cost, default.cost, data::Role::Cost)]
+    {
+        // what is better the more there is of it has no front on such axes; the page shows it
+        let is_it = |column: &&data::Column| column.role == role && !column.more_is_better;
+        let known = columns.iter().filter(is_it).map(|column| column.name.as_str());
+        if name != default && !known.clone().any(|known| known == name) {
             return Err(
                 Diagnostic::input(format!("these results have no figure `{name}` to plot")).suggest(name, known)
             );
@@ -117,10 +138,10 @@ pub fn compare(wanted: &Comparing) -> Result<(), Diagnostic> {
     let (before, after) = (read(&wanted.before)?, read(&wanted.after)?);
     let limits =
         Limits { resolution: wanted.resolution, most_slower: wanted.most_slower, most_worse: wanted.most_worse };
-    let comparison = compare::compare(&before.results.records, &after.results.records, &limits);
-    if comparison.pairs.is_empty() {
+    let comparison = compare::compare(&before.results, &after.results, &limits);
+    if comparison.pairs.is_empty() && comparison.failed.is_empty() {
         return Err(Diagnostic::input("the two folders have no cell in common")
-            .help("cells are the same if chain, settings, picture size and number of frames are"));
+            .help("cells are the same if experiment, chain, settings, picture size and number of frames are"));
     }
     say!("{}", table(&comparison).text());
     for pair in &comparison.pairs {
@@ -168,7 +189,10 @@ fn refuse_beyond(comparison: &Comparison) -> Result<(), Diagnostic> {
     for (pair, what) in &beyond {
         output::complain(format!("{}: {what}", pair.label));
     }
-    match beyond.len() {
+    for (label, why) in &comparison.failed {
+        output::complain(format!("{label} has no results any more: {why}"));
+    }
+    match beyond.len() + comparison.failed.len() {
         0 => Ok(()),
         count => Err(Diagnostic::run(format!("{count} limits are passed"))),
     }

@@ -100,7 +100,11 @@ fn run_files(wanted: &Running, chosen: &Chosen, manner: Manner, options: &Option
     for experiment in &experiments {
         check_baseline(experiment, options)?;
         match ready {
-            None => ready = Some(prepare(experiment, chosen, options)?),
+            None => {
+                let prepared = prepare(experiment, chosen, options)?;
+                chosen.check_found(prepared.len())?;
+                ready = Some(prepared);
+            }
             Some(_) => run::prepare_each(experiment, &options.settings)?.try_for_each(|cell| cell.map(|_| ()))?,
         }
     }

@@ -1,9 +1,11 @@
 //! Two runs of the same cells: before and after a change, or on two adapters. Per cell: the same, faster, slower or undecided, by the spread
 //! of its own samples, and every figure that is another one.
 
-use super::records::{Head, Record};
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::records::{Failure, Head, Record, Results};
 use super::table::digits;
-use crate::measure::time;
+use crate::measure::time::{self, Spread};
 
 /// What counts as a change.
 #[derive(Clone, Copy, Debug)]
@@ -42,32 +44,51 @@ pub struct Pair {
 #[derive(Debug, Default)]
 pub struct Comparison {
     pub pairs: Vec<Pair>,
+    /// Cells that had results before and have none after, with the reason.
+    pub failed: Vec<(String, String)>,
     /// Labels of cells that only one of the runs has.
     pub only_before: Vec<String>,
     pub only_after: Vec<String>,
 }
 
-/// What makes two cells the same, whatever computed them.
-fn is_same_cell(a: &Head, b: &Head) -> bool {
-    let cell = |head: &Head| (head.chain.clone(), head.settings.clone(), head.scene.viewport, head.scene.frames);
-    cell(a) == cell(b)
+/// What makes two cells the same, whatever computed them and where.
+fn cell_key(head: &Head) -> String {
+    let Head { experiment, chain, settings, scene, .. } = head;
+    format!("{experiment} {chain} {settings:?} {:?} {}", scene.viewport, scene.frames)
 }
 
-pub fn compare(before: &[Record], after: &[Record], limits: &Limits) -> Comparison {
+/// Pairs each cell with the one of the other run that has its name, on the same adapter if there are several.
+pub fn compare(before: &Results, after: &Results, limits: &Limits) -> Comparison {
     let mut comparison = Comparison::default();
-    for own in before {
-        match after.iter().find(|other| is_same_cell(&own.head, &other.head)) {
-            Some(other) => comparison.pairs.push(pair(own, other, limits)),
-            None => comparison.only_before.push(own.label()),
+    let mut others: BTreeMap<String, Vec<&Record>> = BTreeMap::new();
+    for record in &after.records {
+        others.entry(cell_key(&record.head)).or_default().push(record);
+    }
+    let failed: BTreeMap<String, &Failure> =
+        after.failures.iter().map(|failure| (cell_key(&failure.head), failure)).collect();
+    let mut paired = BTreeSet::new();
+    for own in &before.records {
+        let key = cell_key(&own.head);
+        let others = others.get(&key).map_or(&[][..], Vec::as_slice);
+        let is_on_same = |other: &&&Record| other.head.identity.adapter == own.head.identity.adapter;
+        let other = others.iter().find(is_on_same).or(others.first().filter(|_| others.len() == 1));
+        match (other, failed.get(&key)) {
+            (Some(other), _) => {
+                paired.insert(other.head.hash.clone());
+                comparison.pairs.push(pair(own, other, limits));
+            }
+            (None, Some(failure)) => comparison.failed.push((own.label(), failure.why.clone())),
+            (None, None) => comparison.only_before.push(own.label()),
         }
     }
-    let is_new = |record: &&Record| before.iter().all(|other| !is_same_cell(&record.head, &other.head));
-    comparison.only_after = after.iter().filter(is_new).map(Record::label).collect();
+    let is_new = |record: &&Record| !paired.contains(&record.head.hash);
+    comparison.only_after = after.records.iter().filter(is_new).map(Record::label).collect();
     comparison
 }
 
 fn pair(before: &Record, after: &Record, limits: &Limits) -> Pair {
-    let ratio = ratio(&before.timings.method_ms_by_frame, &after.timings.method_ms_by_frame);
+    let ratio = ratio(&before.timings.method_ms_by_frame, &after.timings.method_ms_by_frame)
+        .or_else(|| ratio_of_spreads(before.method()?, after.method()?));
     let verdict = ratio.map_or(Verdict::Undecided, |ratio| verdict(ratio, limits.resolution));
     let mut beyond = Vec::new();
     if let (Some((ratio, low, _)), Some(most)) = (ratio, limits.most_slower)
@@ -75,13 +96,18 @@ fn pair(before: &Record, after: &Record, limits: &Limits) -> Pair {
     {
         beyond.push(format!("takes {ratio:.2} times as long, the limit is {most}"));
     }
+    if ratio.is_none() && limits.most_slower.is_some() {
+        beyond.push("has too few samples to say how much longer it takes: time it more often".into());
+    }
     let changed = changed(before, after);
     for (name, old, new) in &changed {
         let is_error = crate::measure::known(name).is_some_and(|known| known.kind == crate::measure::Kind::Error);
-        if let (true, Some(most), Some(old), Some(new)) = (is_error, limits.most_worse, old, new)
-            && new - old > most
-        {
-            beyond.push(format!("{name} grows by {}, the limit is {most}", digits(new - old)));
+        match (limits.most_worse.filter(|_| is_error), old, new) {
+            (Some(most), Some(old), Some(new)) if new - old > most => {
+                beyond.push(format!("{name} grows by {}, the limit is {most}", digits(new - old)));
+            }
+            (Some(_), Some(_), None) => beyond.push(format!("{name} is not measured any more")),
+            _ => {}
         }
     }
     if before.faults().is_empty() && !after.faults().is_empty() && limits.most_worse.is_some() {
@@ -98,6 +124,16 @@ fn ratio(before: &[Option<f64>], after: &[Option<f64>]) -> Option<(f64, f64, f64
     let spread = time::spread(both.collect()).filter(|spread| spread.samples >= 3 && before.len() == after.len())?;
     let half = 1.57 * (spread.upper_quartile - spread.lower_quartile) / (spread.samples as f64).sqrt();
     Some((spread.median.exp(), (spread.median - half).exp(), (spread.median + half).exp()))
+}
+
+/// The same of medians over all samples, where there are too few frames to compare one by one.
+fn ratio_of_spreads(before: &Spread, after: &Spread) -> Option<(f64, f64, f64)> {
+    let ends = |spread: &Spread| {
+        let half = 1.57 * (spread.upper_quartile - spread.lower_quartile) / (spread.samples as f64).sqrt();
+        (spread.samples >= 3 && spread.median > half).then_some((spread.median - half, spread.median + half))
+    };
+    let ((before_low, before_high), (after_low, after_high)) = (ends(before)?, ends(after)?);
+    Some((after.median / before.median, after_low / before_high, after_high / before_low))
 }
 
 fn verdict((_, low, high): (f64, f64, f64), resolution: f64) -> Verdict {

@@ -48,6 +48,16 @@ impl Values {
         }
     }
 
+    /// Rows.
+    pub fn count(&self) -> usize {
+        match self {
+            Values::Number(values) => values.len(),
+            Values::Integer(values) => values.len(),
+            Values::Text(values) => values.len(),
+            Values::Flag(values) => values.len(),
+        }
+    }
+
     /// A value as text, and nothing for none.
     pub fn text(&self, row: usize) -> String {
         fn shown<T: ToString>(values: &[Option<T>], row: usize) -> String {
@@ -169,7 +179,9 @@ impl Rows<'_> {
 
     fn axes(&mut self) {
         let mut keys: Vec<String> = Vec::new();
-        for setting in self.results.heads().flat_map(|head| &head.settings) {
+        // which of several named scenes is looked at is a column already
+        let settings = self.results.heads().flat_map(|head| &head.settings).filter(|setting| setting.path != "scene");
+        for setting in settings {
             let key = column_of(setting);
             if !keys.contains(&key) {
                 keys.push(key);
@@ -180,6 +192,7 @@ impl Rows<'_> {
             let settings: Vec<Option<Varied>> = self.results.heads().map(of).collect();
             let paths = settings.iter().flatten().next().map_or(String::new(), |setting| setting.axis.clone());
             for (name, values) in typed(&key, &settings) {
+                let name = if is_taken(&key) { format!("axis.{name}") } else { name };
                 self.push(name, "", Role::Axis, &format!("what was varied or set: {paths}"), values);
             }
         }
@@ -235,6 +248,35 @@ impl Rows<'_> {
         });
         self.text("lodlab", Role::About, "version of lodlab", |head| head.made.lodlab.clone());
     }
+}
+
+/// Whether something else has a column of that name.
+fn is_taken(name: &str) -> bool {
+    const OTHERS: [&str; 21] = [
+        "cell",
+        "experiment",
+        "chain",
+        "scene",
+        "adapter",
+        "label",
+        "status",
+        "why",
+        "samples",
+        "repeats",
+        "once_ms",
+        "prepare_ms",
+        "bytes",
+        "terrain",
+        "viewport_columns",
+        "viewport_rows",
+        "frames",
+        "driver",
+        "backend",
+        "date",
+        "lodlab",
+    ];
+    let is_time = |time: &TimeColumn| name.strip_prefix(time.name).is_some_and(|end| ["", "_q1", "_q3"].contains(&end));
+    OTHERS.contains(&name) || measure::known(name).is_some() || TIMES.iter().any(is_time)
 }
 
 /// The name of the column of what was varied.

@@ -43,7 +43,7 @@ pub struct Reached {
     /// In the figure that is asked for: the time at an error, or the error at a time.
     pub value: f64,
     /// The same of each frame, if that is known.
-    pub by_frame: Vec<f64>,
+    pub by_frame: Vec<Option<f64>>,
     /// What is held to the target there, which is less than the target where a cell is better than asked for.
     pub held: f64,
 }
@@ -97,15 +97,15 @@ impl Chain<'_> {
         let mix = |from: f64, to: f64| (ln(from) + share * (ln(to) - ln(from))).exp();
         let frames = self.by_frame(asked, over).into_iter().zip(self.by_frame(asked, under));
         let value = mix(asked.wanted(over), asked.wanted(under));
-        Some(Reached { value, by_frame: frames.map(|(over, under)| mix(over, under)).collect(), held: target })
+        let by_frame = frames.map(|(over, under)| Some(mix(over?, under?))).collect();
+        Some(Reached { value, by_frame, held: target })
     }
 
-    fn by_frame(&self, asked: Asked, point: &Point) -> Vec<f64> {
+    fn by_frame(&self, asked: Asked, point: &Point) -> Vec<Option<f64>> {
         match asked {
             Asked::CostAtError => {
-                let frames = self.records.get(point.record).map(|record| record.timings.method_ms_by_frame.iter());
-                let frames = frames.and_then(|frames| frames.copied().collect::<Option<Vec<f64>>>());
-                frames.unwrap_or_default()
+                let record = self.records.get(point.record);
+                record.map_or(Vec::new(), |record| record.timings.method_ms_by_frame.clone())
             }
             Asked::ErrorAtCost => Vec::new(),
         }
@@ -211,7 +211,7 @@ fn row(name: &str, chains: &[Chain], asked: Asked, target: f64, base: usize) -> 
 /// The ratio of two times, with the quartiles of the ratios of single frames.
 fn ratio(own: &Reached, base: &Reached) -> String {
     let ratio = own.value / base.value;
-    let frames = own.by_frame.iter().zip(&base.by_frame).map(|(own, base)| own / base);
+    let frames = own.by_frame.iter().zip(&base.by_frame).filter_map(|(own, base)| Some((*own)? / (*base)?));
     let same_frames = own.by_frame.len() == base.by_frame.len() && own.by_frame.len() > 1;
     match time::spread(frames.collect()).filter(|_| same_frames) {
         Some(spread) => format!(", x{ratio:.2} ({:.2}..{:.2})", spread.lower_quartile, spread.upper_quartile),
@@ -219,19 +219,17 @@ fn ratio(own: &Reached, base: &Reached) -> String {
     }
 }
 
-/// Up to three round times that at least two chains, or the only one, have cells on both sides of.
+/// Up to three round times between those of the fastest and of the slowest cell.
 fn budgets_ms(chains: &[Chain]) -> Vec<f64> {
     let costs = chains.iter().flat_map(|chain| &chain.points).map(|point| point.cost);
     let (low, high) = costs.fold((f64::INFINITY, 0.0f64), |(low, high), cost| (low.min(cost), high.max(cost)));
     let round = (-6..=9).flat_map(|decade| [1.0, 2.0, 5.0].map(|digit: f64| digit * 10f64.powi(decade)));
     let inside: Vec<f64> = round.filter(|budget| *budget > low && *budget < high).collect();
     // the first, the last and the one in the middle
-    let mut chosen: Vec<f64> = match inside.len() {
+    match inside.len() {
         0..=3 => inside,
         count => vec![inside[0], inside[count / 2], inside[count - 1]],
-    };
-    chosen.dedup();
-    chosen
+    }
 }
 
 /// How many cells of each chain are on the front, and which chain beats most of the others.
@@ -264,7 +262,7 @@ fn beaten(results: &Results, group: &Group, error: &str, of_scene: &str) -> Answ
         vec![name.into(), own.len().to_string(), on_front.to_string(), by.join(", "), faulty.to_string()]
     });
     Answer {
-        title: format!("What beats what, in error (rms) and time{of_scene}"),
+        title: format!("What beats what, in {error} and method_ms{of_scene}"),
         header: ["chain", "cells", "on the front", "beaten by (cells)", "faulty"].map(String::from).to_vec(),
         rows: rows.collect(),
         is_first: false,

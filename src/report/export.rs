@@ -13,12 +13,7 @@ use super::data::{Column, Values};
 use crate::experiment::diagnostic::Diagnostic;
 
 fn rows(columns: &[Column]) -> usize {
-    columns.first().map_or(0, |column| match &column.values {
-        Values::Number(values) => values.len(),
-        Values::Integer(values) => values.len(),
-        Values::Text(values) => values.len(),
-        Values::Flag(values) => values.len(),
-    })
+    columns.first().map_or(0, |column| column.values.count())
 }
 
 /// One line a row under the names of the columns; what was not measured is empty.

@@ -6,7 +6,7 @@
 use base64::Engine;
 use serde_json::{Value, json};
 
-use super::data::{self, Column, Role, Values};
+use super::data::{self, Column, Role};
 use super::equal::Answer;
 use super::records::{Record, Results};
 use super::standing::{self, Standing};
@@ -88,12 +88,6 @@ fn summary(results: &Results) -> String {
 }
 
 fn column(column: &Column) -> Value {
-    let rows = match &column.values {
-        Values::Number(values) => values.len(),
-        Values::Integer(values) => values.len(),
-        Values::Text(values) => values.len(),
-        Values::Flag(values) => values.len(),
-    };
     let mut made = json!({
         "name": column.name,
         "title": if column.role == Role::Axis { column.name.clone() } else { column.name.replace('_', " ") },
@@ -101,7 +95,7 @@ fn column(column: &Column) -> Value {
         "meaning": column.meaning,
         "kind": column.values.kind(),
         "role": column.role,
-        "values": (0..rows).map(|row| column.values.json(row)).collect::<Vec<_>>(),
+        "values": (0..column.values.count()).map(|row| column.values.json(row)).collect::<Vec<_>>(),
     });
     if column.more_is_better {
         made["better"] = "more".into();

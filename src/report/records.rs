@@ -161,10 +161,13 @@ pub struct Made {
 
 impl Made {
     pub fn now() -> Self {
-        let date = chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Secs, true);
+        let date = chrono::Utc::now().to_rfc3339_opts(chrono::SecondsFormat::Millis, true);
         Self { date, lodlab: env!("CARGO_PKG_VERSION").into() }
     }
 }
+
+/// Experiment, chain, settings and adapter: a place that a cell can have.
+pub type Point<'a> = (&'a str, &'a str, &'a [Varied], &'a str);
 
 /// What a cell is and where it was run: the same for cells with results and for those without.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -175,6 +178,9 @@ pub struct Head {
     /// What was swept and what the command line has set, in this order.
     pub settings: Vec<Varied>,
     pub scene: SceneSummary,
+    /// The chain that the experiment compares the others with, if it names one.
+    #[serde(default)]
+    pub baseline: Option<String>,
     pub adapter: AdapterSummary,
     pub made: Made,
     pub identity: Identity,
@@ -197,7 +203,7 @@ impl Head {
         self.point() == other.point()
     }
 
-    fn point(&self) -> (&str, &str, &[Varied], &str) {
+    pub fn point(&self) -> Point<'_> {
         (&self.experiment, &self.chain, &self.settings, &self.identity.adapter)
     }
 }
@@ -229,6 +235,9 @@ impl Record {
         match name {
             "method_ms" => self.method_ms(),
             "frame_ms" => self.frame_ms(),
+            "once_ms" => Some(self.timings.once_ms),
+            "prepare_ms" => Some(self.timings.prepare_ms),
+            "bytes" => Some(self.bytes as f64),
             _ => self.measure(name),
         }
     }
@@ -284,6 +293,8 @@ pub struct Name {
     pub experiment: String,
     pub chain: String,
     pub settings: Vec<Varied>,
+    /// When the cell was last found to have this record, as [`Made::date`].
+    pub date: String,
 }
 
 /// What came of the cells of one or several runs.

@@ -54,7 +54,10 @@ impl Standing {
 
 /// What each group is called: by the settings of the scene that are not the same in all groups, or else by what else differs.
 fn labels(results: &Results, keys: &[Key]) -> BTreeMap<Key, String> {
-    let name = |setting: &Varied| format!("{}={}", setting.shown_axis(), setting.shown_value());
+    let name = |setting: &Varied| match setting.path == "scene" {
+        true => setting.shown_value(),
+        false => format!("{}={}", setting.shown_axis(), setting.shown_value()),
+    };
     let mut named: BTreeMap<Key, Vec<String>> = keys.iter().map(|key| (key.clone(), Vec::new())).collect();
     for head in results.heads() {
         let own = named.entry(key(head)).or_default();

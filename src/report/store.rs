@@ -11,7 +11,7 @@ use std::time::Duration;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::records::{FORMAT, Failure, Head, Identity, Name, Record};
+use super::records::{FORMAT, Failure, Head, Identity, Made, Name, Record};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::regular;
 use crate::experiment::sweep::Varied;
@@ -20,6 +20,7 @@ use crate::experiment::sweep::Varied;
 pub struct Store {
     pub folder: PathBuf,
     earlier: BTreeMap<String, Record>,
+    failures: Vec<Failure>,
     /// Files in the place of records that are not taken for one, and why.
     pub refused: Vec<(PathBuf, &'static str)>,
     /// Names of the files that were written and have to be there in the end.
@@ -67,7 +68,8 @@ fn unseal<T: DeserializeOwned>(path: &Path, head: impl Fn(&T) -> &Head) -> Resul
     Ok(cell)
 }
 
-const OTHER_VERSION: &str = "is a record of another version of lodlab, with another format";
+/// Why a record with another format is left out of reports.
+pub const OTHER_VERSION: &str = "is a record of another version of lodlab, with another format";
 
 fn unseal_record(path: &Path) -> Result<Record, &'static str> {
     unseal(path, |record: &Record| &record.head)
@@ -105,9 +107,17 @@ impl Store {
                 Err(why) => refused.push((path, why)),
             }
         }
+        let mut failures = Vec::new();
+        for path in cell_files(&folder.join("failures")) {
+            match unseal(&path, |failure: &Failure| &failure.head) {
+                Ok(failure) => failures.push(failure),
+                Err(why) => refused.push((path, why)),
+            }
+        }
         Ok(Self {
             folder: folder.to_path_buf(),
             earlier,
+            failures,
             refused,
             written: RefCell::default(),
             is_full: Cell::new(false),
@@ -123,9 +133,8 @@ impl Store {
 
     /// The cells that were tried and have no record.
     pub fn failures(&self) -> Vec<Failure> {
-        let files = cell_files(&self.folder.join("failures")).into_iter();
-        let failures = files.filter_map(|path| unseal(&path, |failure: &Failure| &failure.head).ok());
-        failures.filter(|failure| !self.earlier.contains_key(&failure.head.hash)).collect()
+        let is_unfinished = |failure: &&Failure| !self.earlier.contains_key(&failure.head.hash);
+        self.failures.iter().filter(is_unfinished).cloned().collect()
     }
 
     pub fn finished(&self, hash: &str) -> Option<&Record> {
@@ -207,9 +216,10 @@ impl Store {
     pub fn named(&self) -> impl Iterator<Item = Record> {
         let texts = cell_files(&self.folder.join("names")).into_iter().filter_map(|path| regular::read(&path).ok());
         let names: Vec<Name> = texts.filter_map(|text| serde_json::from_slice(&text).ok()).collect();
-        let also = names.into_iter().filter_map(|Name { hash, experiment, chain, settings }| {
+        let also = names.into_iter().filter_map(|Name { hash, experiment, chain, settings, date }| {
             let record = self.earlier.get(&hash)?.clone();
-            Some(Record { head: Head { experiment, chain, settings, ..record.head }, ..record })
+            let made = Made { date, ..record.head.made };
+            Some(Record { head: Head { experiment, chain, settings, made, ..record.head }, ..record })
         });
         self.earlier.values().cloned().collect::<Vec<_>>().into_iter().chain(also.collect::<Vec<_>>())
     }

@@ -119,10 +119,11 @@ impl Job {
         Job { prepared, truth, options, own: Some(Arc::new(plan)), parameters: self.parameters.clone() }
     }
 
-    /// Whether two jobs look at the same ground truth.
-    pub fn shares_truth(&self, other: &Job) -> bool {
+    /// Whether two jobs look at the same ground truth, or, if neither looks at one, at the same scene.
+    pub fn goes_with(&self, other: &Job) -> bool {
         match (&self.truth, &other.truth) {
             (Some(own), Some(other)) => Arc::ptr_eq(own, other),
+            (None, None) => Arc::ptr_eq(&self.prepared.data, &other.prepared.data),
             _ => false,
         }
     }

@@ -64,20 +64,18 @@ impl<'a> Sweep<'a> {
         tell: &'a dyn Fn(Event),
         identities: &'a [Identity],
     ) -> Self {
-        Self {
-            title,
-            gpu,
-            store,
-            options,
-            tell,
-            identities,
-            ran: RefCell::default(),
-            failed: RefCell::default(),
-            fronts: RefCell::default(),
+        let mut fronts: BTreeMap<String, Vec<OnFront>> = BTreeMap::new();
+        for record in store.all().into_iter().filter(|record| record.faults().is_empty()) {
+            if let Some((cost, error)) = record.method_ms().zip(record.measure("error_rms")) {
+                let hash = record.head.hash.clone();
+                fronts.entry(record.head.scene.key.clone()).or_default().push(OnFront { hash, cost, error });
+            }
         }
+        let (ran, failed, fronts) = (RefCell::default(), RefCell::default(), RefCell::new(fronts));
+        Self { title, gpu, store, options, tell, identities, ran, failed, fronts }
     }
 
-    /// Hashes of the cells that were run.
+    /// How many cells were run.
     pub fn ran(&self) -> usize {
         self.ran.borrow().len()
     }
@@ -113,7 +111,7 @@ impl<'a> Sweep<'a> {
                 (self.tell)(Event::Warning { text });
             }
             let mut truth = job.truth.as_ref().map(|plan| Truth::new(self.gpu, plan, &job.prepared)).transpose()?;
-            let is_with_first = |at: &usize| wanted[*at] && (*at == first || job.shares_truth(&jobs[*at]));
+            let is_with_first = |at: &usize| wanted[*at] && (*at == first || job.goes_with(&jobs[*at]));
             for at in interleaved(jobs, (first..jobs.len()).filter(is_with_first).collect()) {
                 done[at] = true;
                 if is_mine(at) && self.run_cell(&jobs[at], at, truth.as_mut())? == End::Stopped {
@@ -145,7 +143,7 @@ impl<'a> Sweep<'a> {
             Some(_) => "forced".into(),
             None => self.store.reason(&cell.chain, &cell.varied(), identity),
         };
-        (self.tell)(Event::CellStarted { label: label.clone(), reason });
+        (self.tell)(Event::CellStarted { label: label.clone(), chain: cell.chain.clone(), reason });
         self.store.claim(&hash)?;
         let measured = self.measured(job, at, truth);
         self.store.give_up_claim(&hash);
@@ -209,7 +207,7 @@ impl<'a> Sweep<'a> {
     }
 
     fn is_large(&self) -> bool {
-        self.identities.len() > MOST_PICTURED && !self.options.all_pictures
+        (self.identities.len() > MOST_PICTURED || self.options.is_part) && !self.options.all_pictures
     }
 
     /// Notes a cell that the adapter cannot carry out; the others run.
@@ -270,6 +268,7 @@ impl<'a> Sweep<'a> {
             chain: cell.chain.clone(),
             settings: cell.varied(),
             scene: job.scene(identity),
+            baseline: self.options.baseline.clone(),
             adapter: self.gpu.summary.clone(),
             made: Made::now(),
             identity: identity.clone(),
@@ -299,21 +298,32 @@ impl<'a> Sweep<'a> {
     pub fn results(&self, jobs: &[Job]) -> Result<Results, Diagnostic> {
         let mut results = Results::default();
         let failed = self.failed.borrow();
+        // what a report would take for each place, by what was there when this run began
+        let mut latest: BTreeMap<String, (String, String)> = BTreeMap::new();
+        for record in self.store.named() {
+            let (hash, date) = (record.head.hash.clone(), record.head.made.date.clone());
+            let known = latest.entry(format!("{:?}", record.head.point())).or_insert((hash.clone(), date.clone()));
+            if known.1 < date {
+                *known = (hash, date);
+            }
+        }
         for (at, job) in jobs.iter().enumerate() {
             let (chain, settings) = (job.prepared.cell.chain.clone(), job.prepared.cell.varied());
             let named = |head: Head| Head { experiment: self.title.into(), chain, settings, ..head };
-            match (self.store.read(&self.identities[at].hash()), failed.get(&at)) {
-                (Some(record), _) => {
-                    let head = named(record.head.clone());
-                    if !head.is_same_point(&record.head) {
-                        let Head { hash, experiment, chain, settings, .. } = head.clone();
-                        self.store.save_name(&Name { hash, experiment, chain, settings })?;
-                    }
-                    results.records.push(Record { head, ..record });
-                }
-                (None, Some(failure)) => results.failures.push(failure.clone()),
-                (None, None) => {}
+            if let Some(failure) = failed.get(&at) {
+                results.failures.push(failure.clone());
+                continue;
             }
+            let Some(record) = self.store.read(&self.identities[at].hash()) else { continue };
+            let head = named(record.head.clone());
+            let key = format!("{:?}", head.point());
+            let is_newest = latest.get(&key).is_some_and(|(hash, _)| *hash == head.hash);
+            let has_run_here = self.ran.borrow().contains(&head.hash) && head.is_same_point(&record.head);
+            if !is_newest && !has_run_here {
+                let Head { hash, experiment, chain, settings, .. } = head.clone();
+                self.store.save_name(&Name { hash, experiment, chain, settings, date: Made::now().date })?;
+            }
+            results.records.push(Record { head, ..record });
         }
         Ok(results)
     }
