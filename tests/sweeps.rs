@@ -9,8 +9,10 @@ use std::time::{Duration, Instant};
 use common::{errors, lodlab, records, rows, run as run_in, succeeded};
 use lodlab::experiment::{Experiment, diagnostic::Source};
 use lodlab::gpu::Gpu;
+use lodlab::measure::Measured;
 use lodlab::plan::Work;
-use lodlab::report::Results;
+use lodlab::report::standing::{self, Standing};
+use lodlab::report::{Record, Results};
 use lodlab::run::{self, Options};
 use serde_json::Value;
 
@@ -278,6 +280,31 @@ fn a_new_value_runs_the_new_cells() {
     };
     assert!(sized("(8, 6), (12, 9)").contains("2 cells run, 0 finished before"));
     assert!(sized("(8, 6), (10, 8), (12, 9)").contains("1 cells run, 2 finished before"));
+}
+
+/// Between two cells nothing is said across a third one that is faulty.
+#[test]
+fn a_curve_ends_at_a_faulty_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let sizes = "[(8, 6), (10, 8), (12, 9), (16, 12), (20, 15)]";
+    experiment(
+        folder.path(),
+        &format!(
+            "scene: ({SCENE}), chains: {{\"g\": [{GRID}]}}, sweep: {{\"*.ViewGrid.size\": {sizes}}}, measure: [ScreenError, Time]"
+        ),
+    );
+    succeeded(&run_in(folder.path(), &["run", "made.ron", "--out", "out"]));
+    let read = |record| serde_json::from_value::<Record>(record).unwrap();
+    let mut results =
+        Results { records: records(&folder.path().join("out")).into_iter().map(read).collect(), ..Results::default() };
+    let lengths = |results: &Results| {
+        let group = &Standing::of(results).groups[0];
+        let points = standing::points(results, group, "error_rms", "method_ms");
+        standing::curves(&results.records, &points).iter().map(Vec::len).collect::<Vec<_>>()
+    };
+    assert_eq!(lengths(&results), [5]);
+    results.records[2].measures.push(Measured::new("bound_violations", 1.0, "pixels"));
+    assert_eq!(lengths(&results), [2, 2]);
 }
 
 /// What is changed and changed back has its first results again, in reports, too.

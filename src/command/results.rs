@@ -9,6 +9,7 @@ use lodlab::report::compare::{self, Comparison, Limits, Pair, Verdict};
 use lodlab::report::equal::Answer;
 use lodlab::report::folders::{self, Found};
 use lodlab::report::page::{PICTURES, picture_name};
+use lodlab::report::store::write_file;
 use lodlab::report::table::digits;
 use lodlab::report::{self, Wanted, data};
 
@@ -34,7 +35,7 @@ pub fn report(wanted: &Reporting) -> Result<(), Diagnostic> {
     let baseline = wanted.baseline.as_deref().or(found.baseline());
     let wish = Wanted { title: &titles, baseline, error: &wanted.error, cost: &wanted.cost };
     let put = |name: &str, bytes: Option<&[u8]>| match bytes {
-        Some(bytes) => Found::write_into(&out, name, bytes),
+        Some(bytes) => write_file(&out, name, bytes),
         None => {
             // most often it is not there
             let _ = std::fs::remove_file(out.join(name));
@@ -59,7 +60,7 @@ fn copy_pictures(found: &Found, out: &Path) -> Result<(), Diagnostic> {
         for name in PICTURES.iter().map(|(kind, _)| picture_name(&record.head.hash, kind)) {
             let source = found.file(&name).filter(|_| !out.join(&name).exists());
             if let Some(png) = source.and_then(|source| regular::read(&source).ok()) {
-                Found::write_into(out, &name, &png)?;
+                write_file(out, &name, &png)?;
             }
         }
     }

@@ -16,18 +16,20 @@ pub const INFO: Info = Info {
     version: 1,
     parameters: schema::<Coverage>,
     read: read_as::<Coverage>,
-    figures: &[
-        Known::new(
-            "silhouette_misses",
-            "of pixels",
-            Kind::Error,
-            "share of pixels where one of drawn and true is sky and the other is surface",
-        ),
-        Known::new("drawn", "of pixels", Kind::Other, "share of pixels on which a surface was drawn"),
-        Known::new("true_surface", "of pixels", Kind::Other, "share of pixels on which the ground truth has a surface"),
-    ],
+    figures: &[SILHOUETTE_MISSES, DRAWN, TRUE_SURFACE],
     columns: &[],
 };
+
+/// (These three are figures of `ScreenError`, too.)
+pub const SILHOUETTE_MISSES: Known = Known::new(
+    "silhouette_misses",
+    "of pixels",
+    Kind::Error,
+    "share of pixels where one of drawn and true is sky and the other is surface",
+);
+pub const DRAWN: Known = Known::new("drawn", "of pixels", Kind::Other, "share of pixels on which a surface was drawn");
+pub const TRUE_SURFACE: Known =
+    Known::new("true_surface", "of pixels", Kind::Other, "share of pixels on which the ground truth has a surface");
 
 #[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]

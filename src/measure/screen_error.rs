@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::coverage::{Counts, drawn_distance};
+use super::coverage::{Counts, DRAWN, SILHOUETTE_MISSES, TRUE_SURFACE, drawn_distance};
 use super::distribution::Distribution;
 use super::missed::Missed;
 use super::{Column, Figures, Info, Kind, Known, Measure, Measured, Picture, Seen, Show, Sums, Tally, read_as};
@@ -48,14 +48,9 @@ pub const INFO: Info = Info {
             "99th percentile of the screen-space error over all pixels of all frames",
         ),
         Known::new("over_threshold", "of pixels", Kind::Error, "share of pixels whose error is above the threshold"),
-        Known::new(
-            "silhouette_misses",
-            "of pixels",
-            Kind::Error,
-            "share of pixels where one of drawn and true is sky and the other is surface",
-        ),
-        Known::new("drawn", "of pixels", Kind::Other, "share of pixels on which a surface was drawn"),
-        Known::new("true_surface", "of pixels", Kind::Other, "share of pixels on which the ground truth has a surface"),
+        SILHOUETTE_MISSES,
+        DRAWN,
+        TRUE_SURFACE,
         Known::new(
             "bound_violations",
             "pixels",

@@ -114,20 +114,13 @@ impl Chain<'_> {
 
 fn chains<'a>(results: &'a Results, group: &Group, error: &str) -> Vec<Chain<'a>> {
     let points = standing::points(results, group, error, "method_ms");
-    let mut names: Vec<&str> = Vec::new();
-    for &at in &group.records {
-        let name = results.records[at].head.chain.as_str();
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
     let chain = |name: &'a str| {
         let own = points.iter().filter(|point| results.records[point.record].head.chain == name);
         let points: Vec<Point> = own.copied().collect();
         let curves = standing::curves(&results.records, &points);
         Chain { name, records: &results.records, points, curves }
     };
-    names.into_iter().map(chain).collect()
+    standing::chain_names(results, group).into_iter().map(chain).collect()
 }
 
 /// All answers for these results; none where there is nothing to compare. `baseline` is the chain that the others are compared with, else it is
@@ -237,14 +230,7 @@ fn beaten(results: &Results, group: &Group, error: &str, of_scene: &str) -> Answ
     let points = standing::points(results, group, error, "method_ms");
     let front = standing::front(&points);
     let chain = |point: &Point| results.records[point.record].head.chain.as_str();
-    let mut names: Vec<&str> = Vec::new();
-    for &at in &group.records {
-        let name = results.records[at].head.chain.as_str();
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
-    let rows = names.into_iter().map(|name| {
+    let rows = standing::chain_names(results, group).into_iter().map(|name| {
         let own: Vec<&Point> = points.iter().filter(|point| chain(point) == name).collect();
         let on_front = front.iter().filter(|point| chain(point) == name).count();
         let faulty = own.iter().filter(|point| point.is_faulty).count();

@@ -1,10 +1,10 @@
 //! The results of one or several folders together: of machines, adapters or versions.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::records::{FORMAT, Failure, Head, Record, Results};
-use super::store::{self, OTHER_VERSION, Store};
+use super::store::{OTHER_VERSION, Store};
 use crate::experiment::diagnostic::Diagnostic;
 
 /// What was found in folders.
@@ -148,10 +148,5 @@ impl Found {
     /// A file of the results, from the first folder that has it.
     pub fn file(&self, name: &str) -> Option<PathBuf> {
         self.folders.iter().map(|folder| folder.join(name)).find(|path| path.is_file())
-    }
-
-    /// Writes a file into a folder, whole or not at all.
-    pub fn write_into(folder: &Path, name: &str, bytes: &[u8]) -> Result<(), Diagnostic> {
-        store::write_file(folder, name, bytes)
     }
 }

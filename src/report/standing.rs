@@ -131,10 +131,10 @@ type CurveKey<'a> = (String, Vec<&'a Varied>);
 type Placed = (Vec<f64>, Point);
 
 /// Curves through the points of one chain: each joins sound points that differ in one axis of numbers alone, in the order of that axis. A
-/// chain without such an axis has no curve.
+/// chain without such an axis has no curve, and a curve ends where a faulty cell stands: of what is beyond it nothing is known in between.
 pub fn curves(records: &[Record], points: &[Point]) -> Vec<Vec<Point>> {
     let mut curves: BTreeMap<CurveKey, Vec<Placed>> = BTreeMap::new();
-    for point in points.iter().filter(|point| !point.is_faulty) {
+    for point in points {
         let settings = &records[point.record].head.settings;
         let axes: BTreeSet<&str> =
             settings.iter().filter(|setting| !setting.is_of_scene()).map(|setting| setting.axis.as_str()).collect();
@@ -149,11 +149,25 @@ pub fn curves(records: &[Record], points: &[Point]) -> Vec<Vec<Point>> {
         }
     }
     let order = |a: &Placed, b: &Placed| a.0.partial_cmp(&b.0).unwrap_or(std::cmp::Ordering::Equal);
-    let sorted = curves.into_values().filter(|curve| curve.len() > 1).map(|mut curve| {
+    let sorted = curves.into_values().flat_map(|mut curve| {
         curve.sort_by(order);
-        curve.into_iter().map(|(_, point)| point).collect()
+        let points: Vec<Point> = curve.into_iter().map(|(_, point)| point).collect();
+        let sound = points.split(|point| point.is_faulty).filter(|part| part.len() > 1);
+        sound.map(<[Point]>::to_vec).collect::<Vec<_>>()
     });
     sorted.collect()
+}
+
+/// The chains of a group, in the order of the records.
+pub fn chain_names<'a>(results: &'a Results, group: &Group) -> Vec<&'a str> {
+    let mut names: Vec<&str> = Vec::new();
+    for &at in &group.records {
+        let name = results.records[at].head.chain.as_str();
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
 }
 
 #[cfg(test)]

@@ -34,11 +34,11 @@ pub struct Sweep<'a> {
     ran: RefCell<BTreeSet<String>>,
     /// Jobs without results, by their place.
     failed: RefCell<BTreeMap<usize, Failure>>,
-    /// By scene: the cells that have pictures since no other one beats them so far, with cost and error.
+    /// By scene: cells that are finished. In a large sweep a cell that one of them beats gets no picture, and those that it beats lose theirs.
     fronts: RefCell<BTreeMap<String, Vec<OnFront>>>,
 }
 
-/// A cell that no other one beats so far.
+/// A cell that can be on the front.
 struct OnFront {
     hash: String,
     cost: f64,
