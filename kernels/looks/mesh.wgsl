@@ -41,7 +41,7 @@ const BY_CELL: u32 = 3u;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> points: array<u32>;
-/// For each point of a grid its place in the projector's image.
+/// For each point of a grid its place in the square that it is over.
 @group(0) @binding(2) var<storage, read> places: array<vec2<f32>>;
 @group(0) @binding(3) var<storage, read> data: array<u32>;
 @group(0) @binding(4) var<storage, read> heights: array<f32>;

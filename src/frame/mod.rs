@@ -11,6 +11,7 @@ mod pyramid;
 pub mod relief;
 mod terrain;
 pub mod view;
+pub mod visible_ground;
 
 use glam::DVec3;
 
@@ -92,6 +93,7 @@ pub const BLOCKS: &[Block] = &[
     relief::BLOCK,
     pyramid::BLOCK,
     foreground::BLOCK,
+    visible_ground::BLOCK,
 ];
 
 /// The block of a WGSL structure.

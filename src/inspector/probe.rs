@@ -167,7 +167,7 @@ impl Prober<'_> {
             Spread::Samples => self.spot_of_sample(element.as_dvec2()),
             Spread::Nodes(_) => self.spot_of_sample(centre * f64::from(from.side)),
             Spread::GridPoints | Spread::GridCells => self.spot_of_grid(element),
-            Spread::Projector | Spread::ProjectorCorners => {
+            Spread::UnitSquare | Spread::UnitSquareCorners => {
                 let (columns, rows) = from.values.held.size();
                 let place = centre / DVec2::new(columns.into(), rows.into());
                 self.nearest(self.places(), 2, place.extend(0.0))
@@ -271,7 +271,7 @@ impl Prober<'_> {
             Spread::Nodes(_) => whole(spot.sample? / f64::from(view.side.max(1))),
             Spread::GridPoints => spot.grid.map(|grid| (grid.x, grid.y)),
             Spread::GridCells => spot.grid.map(|grid| (grid.x.min(part.columns - 1), grid.y.min(part.rows - 1))),
-            Spread::Projector | Spread::ProjectorCorners => {
+            Spread::UnitSquare | Spread::UnitSquareCorners => {
                 whole(spot.place? * DVec2::new(part.columns.into(), part.rows.into()))
             }
             Spread::Rows => None,

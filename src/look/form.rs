@@ -60,8 +60,8 @@ pub enum Surface {
     Points(BufferId),
     /// Values for each of its cells.
     Cells(BufferId),
-    /// Values over the projector's image: the grid, and where its points are in that image.
-    Projector { vertex: BufferId, places: BufferId },
+    /// Values over the unit square: the grid, and where its points are in it.
+    UnitSquare { vertex: BufferId, places: BufferId },
     /// A map over the ground.
     Map,
 }
@@ -145,7 +145,7 @@ impl Known<'_> {
     /// Points that are places in a plane, so that lines between neighbours are a figure.
     fn is_figure(&self, id: BufferId) -> bool {
         let buffer = self.buffer(id);
-        buffer.elem == Elem::Vec2F32 && matches!(buffer.spread, Spread::GridPoints | Spread::ProjectorCorners)
+        buffer.elem == Elem::Vec2F32 && matches!(buffer.spread, Spread::GridPoints | Spread::UnitSquareCorners)
     }
 
     /// The mesh that a buffer is drawn on.
@@ -177,14 +177,14 @@ impl Known<'_> {
             Spread::GridPoints if buffer.elem == Elem::Vec2F32 => None,
             Spread::GridPoints => grid(dims.0, dims.1).map(Surface::Points),
             Spread::GridCells => grid(dims.0 + 1, dims.1 + 1).map(Surface::Cells),
-            Spread::Projector => {
+            Spread::UnitSquare => {
                 let is_place = |at: &usize| {
                     let buffer = &self.buffers[*at];
                     buffer.spread == Spread::GridPoints && buffer.elem == Elem::Vec2F32
                 };
                 let places = (0..self.buffers.len()).rev().find(is_place).map(BufferId)?;
                 let &[rows, columns] = &self.buffer(places).dims[..] else { return None };
-                Some(Surface::Projector { vertex: grid(rows, columns)?, places })
+                Some(Surface::UnitSquare { vertex: grid(rows, columns)?, places })
             }
             Spread::Samples => Some(Surface::Map),
             _ => None,
@@ -197,7 +197,7 @@ impl Known<'_> {
             None | Some(Surface::Map) => Vec::new(),
             Some(Surface::Own(_)) => Vec::new(),
             Some(Surface::Points(vertex) | Surface::Cells(vertex)) => vec![vertex],
-            Some(Surface::Projector { vertex, places }) => vec![vertex, places],
+            Some(Surface::UnitSquare { vertex, places }) => vec![vertex, places],
         }
     }
 

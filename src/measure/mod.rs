@@ -7,6 +7,7 @@ mod distribution;
 pub mod figures;
 mod missed;
 pub mod pinholes;
+mod relaxation;
 pub mod triangles;
 pub mod truth;
 
@@ -47,6 +48,8 @@ measures! {
     vertex_error,
     error_buffer,
     coverage,
+    density,
+    swimming,
 }
 
 /// What the registry knows of a measure.

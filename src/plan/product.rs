@@ -129,6 +129,26 @@ pub struct PointErrors<B> {
     pub errors: B,
 }
 
+/// How densely the points of a grid were asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Demand<B> {
+    /// Grid points a metre, over equal parts of the unit square.
+    pub importance: B,
+    /// Where the grid's points are in that square.
+    pub places: B,
+    /// Where they are from the eye, in metres.
+    pub vertex: B,
+}
+
+/// What has become of a warp that would have folded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Warped<B> {
+    /// How often each corner of its map gave way.
+    pub gave_way: B,
+    /// The fourth number is how much of the warp is left, as the bits of an f32.
+    pub share: B,
+}
+
 /// Everything that was offered so far, in order.
 #[derive(Clone, Debug)]
 pub struct Products<B> {
@@ -140,6 +160,8 @@ pub struct Products<B> {
     node_ranges: Vec<NodeRanges<B>>,
     roughness: Vec<Roughness<B>>,
     point_errors: Vec<PointErrors<B>>,
+    demands: Vec<Demand<B>>,
+    warped: Vec<Warped<B>>,
 }
 
 impl<B> Default for Products<B> {
@@ -153,6 +175,8 @@ impl<B> Default for Products<B> {
             node_ranges: Vec::new(),
             roughness: Vec::new(),
             point_errors: Vec::new(),
+            demands: Vec::new(),
+            warped: Vec::new(),
         }
     }
 }
@@ -186,6 +210,8 @@ product!(Blocks, blocks, "blocks of a quadtree");
 product!(NodeRanges, node_ranges, "the lowest and highest of each node");
 product!(Roughness, roughness, "the roughness of blocks");
 product!(PointErrors, point_errors, "errors of grid points");
+product!(Demand, demands, "a density that was asked for");
+product!(Warped, warped, "a warp");
 
 /// What messages and the registry call a product.
 pub const fn what<P: Product<()>>() -> &'static str {

@@ -24,10 +24,10 @@ pub enum Spread {
     GridPoints,
     /// The cells between those points.
     GridCells,
-    /// Equal parts of the projector's image.
-    Projector,
+    /// Equal parts of the unit square in which the points of a grid have their places: the projector's image, or the square of a sketch map.
+    UnitSquare,
     /// The corners of such parts.
-    ProjectorCorners,
+    UnitSquareCorners,
     /// Rows of numbers; what each is of, the meaning says.
     Rows,
 }

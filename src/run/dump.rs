@@ -92,11 +92,11 @@ pub fn about(buffer: &Buffer) -> Value {
         Spread::Tiles(_) => "tiles of pixels, row 0 at the top",
         Spread::Samples => "samples of the ground, row 0 in the north",
         Spread::Nodes(_) => "nodes of a pyramid, level by level",
-        Spread::GridPoints => "points of the projected grid",
-        Spread::GridCells => "cells of the projected grid",
-        Spread::Projector => "equal parts of the projector's image",
+        Spread::GridPoints => "points of the grid",
+        Spread::GridCells => "cells of the grid",
+        Spread::UnitSquare => "equal parts of the square that the grid is over",
         Spread::Rows => "rows of numbers",
-        Spread::ProjectorCorners => "corners of equal parts of the projector's image",
+        Spread::UnitSquareCorners => "corners of equal parts of the square that the grid is over",
     };
     let parts: Vec<&str> = buffer.parts.iter().map(|part| part.name).collect();
     json!({

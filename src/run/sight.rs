@@ -283,7 +283,7 @@ impl<'a> Sight<'a> {
             }
             Surface::Points(vertex) => Some((grid(vertex)?, Colouring::Points(held, channel))),
             Surface::Cells(vertex) => Some((grid(vertex)?, Colouring::Cells(held, channel))),
-            Surface::Projector { vertex, places } => {
+            Surface::UnitSquare { vertex, places } => {
                 Some((grid(vertex)?, Colouring::Places(held, channel, (self.held)(places)?)))
             }
             Surface::Map => None,

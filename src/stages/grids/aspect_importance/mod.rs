@@ -41,7 +41,7 @@ impl Stage for AspectImportance {
         let (columns, rows) = self.size;
         let importance =
             chain.make("importance", Elem::F32, &[rows, columns], "", "length over width of the projected cell");
-        chain.set_spread(importance, Spread::Projector);
+        chain.set_spread(importance, Spread::UnitSquare);
         let kernel = chain.kernel("grids/aspect_importance.wgsl")?;
         chain
             .step("importance", &kernel, "main")

@@ -9,6 +9,7 @@ use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::product::{Grid, Mesh, what};
 use crate::plan::{Chain, Spread};
+use crate::stages::shared::heights::{Filter, Means};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -39,43 +40,12 @@ pub struct Project {
     max_level: Option<u32>,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-enum Filter {
-    /// blends two levels
-    #[default]
-    Trilinear,
-    /// takes the finer of two levels
-    Bilinear,
-    /// takes the surface itself, and no pyramid
-    Finest,
-}
-
-impl Project {
-    /// On a flat terrain every level holds the same height.
-    fn finest(&self, frame_is_flat: bool) -> bool {
-        self.filter == Filter::Finest || frame_is_flat
-    }
-
-    /// The coarsest level that is sampled, of those that were `made`.
-    fn top(&self, made: u32) -> u32 {
-        self.max_level.unwrap_or(made).min(made)
-    }
-}
-
 impl Stage for Project {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let points = chain.read("grid_point")?;
         let size = chain.grid_size(points, Elem::Vec2F32)?;
         let (columns, rows) = (size.x, size.y);
-        let layout = chain.lattice().means();
-        let finest = self.finest(chain.is_flat());
-        let mean = match finest {
-            true => None,
-            false => Some(chain.read_of_ground("height_mean", Elem::F32, &layout.dims())?),
-        };
-        if chain.is_flat() && self.filter != Filter::Finest {
-            chain.leave_out("the mean pyramid", "the terrain is flat, every level is the same", 0, 0);
-        }
+        let means = Means::find(chain, self.filter, self.max_level)?;
         let vertices = chain.make(
             "vertex",
             Elem::Vec4F32,
@@ -84,18 +54,9 @@ impl Stage for Project {
             "x east, y north, z up from the eye; w: pyramid level",
         );
         chain.set_spread(vertices, Spread::GridPoints);
-        let made = mean.and_then(|mean| chain.buffer(mean).top_level).unwrap_or(layout.top);
         let kernel = chain.kernel("grids/project.wgsl")?;
-        chain
-            .step("project", &kernel, "main")
-            .bind("grid_point", points)
-            .bind_or_leave("height_mean", mean)
-            .bind("vertex", vertices)
-            .constant("FINEST", f64::from(finest))
-            .constant("BLEND", f64::from(self.filter == Filter::Trilinear))
-            .set("grid", [columns, rows])
-            .set("max_level", self.top(made))
-            .over(UVec2::new(columns, rows))?;
+        let step = chain.step("project", &kernel, "main").bind("grid_point", points).bind("vertex", vertices);
+        means.bind(step).set("grid", [columns, rows]).over(UVec2::new(columns, rows))?;
         chain.offer(Mesh::Grid(Grid { vertex: vertices, cell_bound: None, promise: None }));
         Ok(())
     }

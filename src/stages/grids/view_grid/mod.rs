@@ -44,7 +44,7 @@ impl Stage for ViewGrid {
             Elem::Vec2F32,
             &[rows, columns],
             "",
-            "place in the projector's image, (0, 0) to (1, 1)",
+            "place in the square that the grid is over, (0, 0) to (1, 1)",
         );
         chain.set_spread(points, Spread::GridPoints);
         let kernel = chain.kernel("grids/view_grid.wgsl")?;

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
+use crate::plan::product::{Warped, what};
 use crate::plan::{BufferId, Chain, Spread, StepBuilder};
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -17,6 +18,7 @@ pub const INFO: Info = Info {
     source: "Dachsbacher, Stamminger 2004, section 3.3, Fig. 5; refinement after Loeffler et al. 2009, section 4",
     reads: &["importance", "grid_point"],
     writes: &["warp_rows", "warp_columns", "warp_map", "warp_gave_way", "grid_point"],
+    offers: &[what::<Warped<()>>()],
     parameters: schema::<Warp>,
     read: read_as::<Warp>,
     examples: &[
@@ -85,12 +87,13 @@ impl Stage for Warp {
         for round in 0..self.rounds {
             map = Some(self.round(chain, round, importance, (size, grid), map, &work)?);
         }
-        let Some(map) = map else { return Ok(()) };
+        let (Some(map), Some(gave_way)) = (map, chain.find("warp_gave_way")) else { return Ok(()) };
+        chain.offer(Warped { gave_way, share: work.cells });
         let step = self.step(chain, "find_grid_folds", self.rounds - 1, (size, grid))?.bind("warp_map", map);
         step.bind("uniform_point", points).bind("left_work", work.folded).over_indirect(work.cells)?;
         let step = self.step(chain, "unfold", self.rounds - 1, (size, grid))?.bind("warp_map", map);
         step.bind("uniform_point", points).bind("grid_work", work.cells).over_indirect(work.folded)?;
-        let meaning = "place in the projector's image, (0, 0) to (1, 1)";
+        let meaning = "place in the square that the grid is over, (0, 0) to (1, 1)";
         let warped = chain.make("grid_point", Elem::Vec2F32, &[grid.y, grid.x], "", meaning);
         chain.set_spread(warped, Spread::GridPoints);
         self.step(chain, "refine", self.rounds - 1, (size, grid))?
@@ -119,7 +122,7 @@ impl Warp {
             let meaning = "importance that earlier rounds have left, ";
             let mut make = |name, way| {
                 let id = chain.make(name, Elem::F32, &[size.y, size.x], "", &format!("{meaning}{way}"));
-                chain.set_spread(id, Spread::Projector);
+                chain.set_spread(id, Spread::UnitSquare);
                 id
             };
             (along, down) = (make("missing_along", "along rows"), make("missing_down", "down columns"));
@@ -132,7 +135,7 @@ impl Warp {
         [rows, columns].into_iter().for_each(|id| chain.set_spread(id, Spread::Rows));
         let meaning = "how often each corner of the map gave way to a fold";
         let gave_way = chain.make("warp_gave_way", Elem::U32, &[high, wide], "", meaning);
-        chain.set_spread(gave_way, Spread::ProjectorCorners);
+        chain.set_spread(gave_way, Spread::UnitSquareCorners);
         let fold_work = chain.make("fold_work", Elem::U32, &[3], "", "workgroups along x, y, z that look after folds");
         // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
         // warps, and any buffer will do for them
@@ -214,6 +217,6 @@ impl GridWork {
 
 fn make_map(chain: &mut Chain, name: &str, size: UVec2) -> BufferId {
     let map = chain.make(name, Elem::Vec2F32, &[size.y + 1, size.x + 1], "", "where the map's corners go");
-    chain.set_spread(map, Spread::ProjectorCorners);
+    chain.set_spread(map, Spread::UnitSquareCorners);
     map
 }

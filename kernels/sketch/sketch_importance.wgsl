@@ -1,0 +1,117 @@
+//!include lib/sketch.wgsl
+//!include lib/view.wgsl
+// Importance of the texels of a sketch map: how many grid points a metre are wanted there (Dachsbacher, Stamminger 2004, section 3.1),
+// I = min(Iv Sf Sb, Is).
+
+struct Params {
+    terrain: Terrain,
+    view: View,
+    /// Texels along a side of the map.
+    texels: u32,
+    /// Largest side of a quad in pixels.
+    quad_px: f32,
+    /// Sine of the angle beside the picture over which importance fades to nothing.
+    safety: f32,
+    /// Sine of the angle by which ground may face away and still be a silhouette, and of that over which importance then fades.
+    silhouette: f32,
+    fade: f32,
+    /// The most grid points a metre.
+    densest: f32,
+    /// Least importance, as a share of the largest.
+    floor: f32,
+}
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> sketch_square: array<i32>;
+@group(0) @binding(2) var<storage, read> sketch_height: array<f32>;
+@group(0) @binding(3) var<storage, read_write> largest: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read_write> importance: array<f32>;
+/// The four of them: by distance, in the picture, facing the eye, the most.
+@group(0) @binding(5) var<storage, read_write> factors: array<vec4<f32>>;
+
+override DISTANCE: bool = true;
+override FRUSTUM: bool = true;
+override FACING: bool = true;
+override HAS_FLOOR: bool = true;
+override WRITE_FACTORS: bool = false;
+
+fn height_of(texel: vec2<i32>) -> f32 {
+    let at = vec2<u32>(clamp(texel, vec2(0), vec2(i32(params.texels) - 1)));
+    return sketch_height[at.y * params.texels + at.x];
+}
+
+/// From 1 at 0 and below to 0 at `width` and above.
+fn fading(x: f32, width: f32) -> f32 {
+    let t = clamp(x / width, 0.0, 1.0);
+    return 1.0 - t * t * (3.0 - 2.0 * t);
+}
+
+/// How much of a texel's importance is left beside the picture: `sides_m` is its size, `away_m` how far it is.
+fn in_frustum(place_m: vec3<f32>, away_m: f32, sides_m: vec2<f32>) -> f32 {
+    let beside = max(max(-dot(params.view.side_left, place_m), -dot(params.view.side_right, place_m)),
+                     max(-dot(params.view.side_top, place_m), -dot(params.view.side_bottom, place_m)));
+    // of a texel on the border there is half in the picture
+    return fading((beside - 0.5 * length(sides_m)) / away_m, params.safety);
+}
+
+/// How much is left of the importance of ground that faces away.
+fn facing(texel: vec2<i32>, place_m: vec3<f32>, away_m: f32, sides_m: vec2<f32>) -> f32 {
+    let east = (height_of(texel + vec2(1, 0)) - height_of(texel - vec2(1, 0))) / (2.0 * sides_m.x);
+    let south = (height_of(texel + vec2(0, 1)) - height_of(texel - vec2(0, 1))) / (2.0 * sides_m.y);
+    let up = vec3(-east, south, 1.0);
+    return fading(dot(up, place_m) / (length(up) * away_m) - params.silhouette, params.fade);
+}
+
+@compute @workgroup_size(1)
+fn begin() {
+    atomicStore(&largest[0], 0u);
+}
+
+@compute @workgroup_size(8, 8)
+fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= vec2(params.texels)) {
+        return;
+    }
+    let square = square();
+    let texel = vec2<i32>(id.xy);
+    let index = id.y * params.texels + id.x;
+    let samples = texel_samples(square);
+    let first = (square.corner + texel) << vec2(square.level);
+    let middle = relative_cells(params.terrain, first) + 0.5 * (samples - 1.0);
+    let place_m = vec3(world_from_cells(params.terrain, middle), relative_height(params.terrain, sketch_height[index]));
+    let sides_m = samples * params.terrain.cell_m;
+    // a texel is not seen from nearer than a quarter of the sum of its sides, which is half of one
+    let near_m = 0.25 * (sides_m.x + sides_m.y);
+    let away_m = max(length(place_m), near_m);
+    var found = vec4(0.25 / near_m, 1.0, 1.0, params.densest);
+    if DISTANCE {
+        found.x = params.view.focal_px / (params.quad_px * away_m);
+    }
+    if FRUSTUM {
+        found.y = in_frustum(place_m, away_m, sides_m);
+    }
+    if FACING {
+        found.z = facing(texel, place_m, away_m, sides_m);
+    }
+    // where there is no terrain, nothing is wanted
+    if any(first < vec2(0)) || any(first >= vec2<i32>(params.terrain.size)) {
+        found.x = 0.0;
+    }
+    let wanted = min(found.x * found.y * found.z, found.w);
+    importance[index] = wanted;
+    if WRITE_FACTORS {
+        factors[index] = found;
+    }
+    if HAS_FLOOR {
+        // positive floats are ordered like their bits
+        atomicMax(&largest[0], bitcast<u32>(wanted));
+    }
+}
+
+@compute @workgroup_size(8, 8)
+fn raise(@builtin(global_invocation_id) id: vec3<u32>) {
+    if all(id.xy < vec2(params.texels)) {
+        let index = id.y * params.texels + id.x;
+        importance[index] = max(importance[index], params.floor * bitcast<f32>(atomicLoad(&largest[0])));
+    }
+}

@@ -1,0 +1,153 @@
+mod reference;
+
+use glam::UVec2;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::experiment::diagnostic::Diagnostic;
+use crate::experiment::parameters::schema;
+use crate::kernel::Elem;
+use crate::plan::{BufferId, Chain, Spread, StepBuilder};
+use crate::stages::{Example, Info, Stage, read_as};
+
+pub const INFO: Info = Info {
+    name: "SketchImportance",
+    summary: "importance of the texels of a sketch map: how many grid points a metre are wanted there",
+    formula: "I = max(min(Iv Sf Sb, Is), floor max I); Iv = focal_px / (quad_px d), Sf and Sb = 1 - smoothstep beside the picture and where ground faces away",
+    source: "Dachsbacher, Stamminger 2004, section 3.1 (which writes Iv = C / d: there a larger C makes smaller quads)",
+    reads: &["sketch_square", "sketch_height"],
+    writes: &["importance", "importance_factors"],
+    parameters: schema::<SketchImportance>,
+    read: read_as::<SketchImportance>,
+    examples: &[
+        Example::new("[HeightPyramid, SketchMap(texels: 9), SketchImportance]").in_benches(&[("SketchMap.texels", "128")]),
+        Example::new(
+            "[HeightPyramid, SketchMap(texels: 7), SketchImportance(distance: false, facing: false, safety_deg: 20, floor: 0)]",
+        )
+        .in_benches(&[("SketchMap.texels", "128")]),
+        Example::new("[HeightPyramid, SketchMap(texels: 8), SketchImportance(frustum: false, densest_per_m: 0.002)]")
+            .in_benches(&[("SketchMap.texels", "128")]),
+    ],
+    ..Info::EMPTY
+};
+
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SketchImportance {
+    /// largest side of a quad in pixels, seen head-on
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    quad_px: f64,
+    /// importance falls with the distance from the eye; otherwise there is one point for each texel
+    distance: bool,
+    /// ground outside the picture is of no importance
+    frustum: bool,
+    /// angle beside the picture over which importance fades to nothing
+    #[schemars(range(min = 0, max = 90))]
+    safety_deg: f64,
+    /// ground that faces away is of no importance
+    facing: bool,
+    /// angle by which ground may face away and still counts in full, since it is a silhouette
+    #[schemars(range(min = 0, max = 45))]
+    silhouette_deg: f64,
+    /// angle beyond that over which importance fades to nothing
+    #[schemars(range(min = 0, max = 45))]
+    fade_deg: f64,
+    /// the most grid points a metre, whatever the view; None is any number
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    densest_per_m: Option<f64>,
+    /// least importance, as a share of the largest; with 0, as in the paper, what is out of the picture keeps no points
+    #[schemars(range(min = 0, max = 1))]
+    floor: f64,
+}
+
+impl Default for SketchImportance {
+    fn default() -> Self {
+        Self {
+            quad_px: 4.0,
+            distance: true,
+            frustum: true,
+            safety_deg: 5.0,
+            facing: true,
+            silhouette_deg: 10.0,
+            fade_deg: 20.0,
+            densest_per_m: None,
+            floor: 0.02,
+        }
+    }
+}
+
+impl SketchImportance {
+    /// The most grid points a metre, as f32 has them.
+    fn densest(&self) -> f64 {
+        self.densest_per_m.map_or(3e38, |densest| densest.min(3e38))
+    }
+}
+
+/// The sine over which something fades: never nothing, so that nobody divides by it.
+fn width(degrees: f64) -> f64 {
+    degrees.to_radians().sin().max(1e-6)
+}
+
+/// Texels along a side of a sketch map, of which a stage needs heights and square.
+pub fn texels_of(chain: &Chain, heights: BufferId, square: BufferId) -> Result<u32, Diagnostic> {
+    chain.check_own(square)?;
+    chain.check_kind(square, Elem::I32, &[4])?;
+    let texels = chain.buffer(heights).dims.first().copied().unwrap_or_default();
+    chain.check_kind(heights, Elem::F32, &[texels; 2])?;
+    Ok(texels)
+}
+
+impl Stage for SketchImportance {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let (square, heights) = (chain.read("sketch_square")?, chain.read("sketch_height")?);
+        let texels = texels_of(chain, heights, square)?;
+        let mut make = |name, elem, unit, meaning| {
+            let id = chain.make(name, elem, &[texels; 2], unit, meaning);
+            chain.set_spread(id, Spread::UnitSquare);
+            id
+        };
+        let importance = make("importance", Elem::F32, "1/m", "grid points a metre that are wanted");
+        let meaning = "what importance is made of: Iv by distance, Sf in the picture, Sb facing the eye, Is the most";
+        let factors = make("importance_factors", Elem::Vec4F32, "", meaning);
+        let has_floor = self.floor > 0.0;
+        let meaning = "the largest importance, as the bits of an f32";
+        let largest = has_floor.then(|| chain.make("largest_importance", Elem::U32, &[1], "", meaning));
+        if let Some(largest) = largest {
+            self.step(chain, texels, "begin")?.bind("largest", largest).over(UVec2::ONE)?;
+        }
+        self.step(chain, texels, "weigh")?
+            .bind("sketch_square", square)
+            .bind("sketch_height", heights)
+            .bind_or_leave("largest", largest)
+            .bind("importance", importance)
+            .bind_if_wanted("factors", factors, "WRITE_FACTORS")
+            .over(UVec2::splat(texels))?;
+        let Some(largest) = largest else { return Ok(()) };
+        let raise = self.step(chain, texels, "raise")?.bind("importance", importance).bind("largest", largest);
+        raise.over(UVec2::splat(texels))
+    }
+}
+
+impl SketchImportance {
+    fn step<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        texels: u32,
+        entry: &str,
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let kernel = chain.kernel("sketch/sketch_importance.wgsl")?;
+        Ok(chain
+            .step(entry, &kernel, entry)
+            .constant("DISTANCE", f64::from(self.distance))
+            .constant("FRUSTUM", f64::from(self.frustum))
+            .constant("FACING", f64::from(self.facing))
+            .constant("HAS_FLOOR", f64::from(self.floor > 0.0))
+            .set("texels", texels)
+            .set("quad_px", self.quad_px as f32)
+            .set("safety", width(self.safety_deg) as f32)
+            .set("silhouette", self.silhouette_deg.to_radians().sin() as f32)
+            .set("fade", width(self.fade_deg) as f32)
+            .set("densest", self.densest() as f32)
+            .set("floor", self.floor as f32))
+    }
+}

@@ -1,0 +1,152 @@
+use glam::{DVec2, DVec3, IVec2};
+
+use super::{SketchImportance, width};
+use crate::frame::view::sides;
+use crate::reference::{Absent, Buffers, Frame, Reference, Values};
+use crate::stages::shared::rounding::EPSILON;
+
+impl Reference for SketchImportance {
+    fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
+        let square = buffers.get("sketch_square")?;
+        let [column, row, level, _] = [0, 1, 2, 3].map(|at| square.value[at] as i32);
+        let heights = buffers.get("sketch_height")?;
+        let map = Map { frame, heights: &heights, corner: IVec2::new(column, row), level: level as u32 };
+        let texels = heights.dims[0];
+        let mut importance = Values::missing(&[texels; 2], 1);
+        let mut factors = Values::missing(&[texels; 2], 4);
+        for (y, x) in (0..texels).flat_map(|y| (0..texels).map(move |x| (y, x))) {
+            let at = (y * texels + x) as usize;
+            let found = self.factors(&map, IVec2::new(x as i32, y as i32));
+            let of_view = product(product(found[0], found[1]), found[2]);
+            let most = found[3];
+            // the smaller of two is no further off than both are
+            importance.set(at, of_view.0.min(most.0), of_view.1.max(most.1));
+            found.into_iter().enumerate().for_each(|(part, (value, bound))| factors.set(4 * at + part, value, bound));
+        }
+        if self.floor > 0.0 {
+            raise(&mut importance, self.floor);
+        }
+        buffers.put("importance", importance);
+        buffers.put("importance_factors", factors);
+        Ok(())
+    }
+}
+
+/// No importance is less than this share of the largest.
+fn raise(importance: &mut Values, floor: f64) {
+    let largest = importance.value.iter().copied().fold(0.0, f64::max);
+    let values = importance.value.iter().zip(&importance.bound);
+    let off = values.filter(|&(value, bound)| value + bound >= largest).map(|(_, bound)| *bound).fold(0.0, f64::max);
+    for (value, bound) in importance.value.iter_mut().zip(&mut importance.bound) {
+        *value = value.max(floor * largest);
+        *bound = bound.max(floor * (off + 4.0 * EPSILON * largest));
+    }
+}
+
+fn product((a, off_a): (f64, f64), (b, off_b): (f64, f64)) -> (f64, f64) {
+    (a * b, a * off_b + b * off_a + off_a * off_b + 2.0 * EPSILON * a * b)
+}
+
+struct Map<'a> {
+    frame: &'a Frame<'a>,
+    heights: &'a Values,
+    corner: IVec2,
+    level: u32,
+}
+
+impl Map<'_> {
+    /// Height of a texel, or of the nearest one, with its bound.
+    fn height_m(&self, texel: IVec2) -> (f64, f64) {
+        let texels = self.heights.dims[0] as i32;
+        let texel = texel.clamp(IVec2::ZERO, IVec2::splat(texels - 1));
+        let at = (texel.y * texels + texel.x) as usize;
+        (self.heights.value[at], self.heights.bound[at])
+    }
+
+    fn sides_m(&self) -> DVec2 {
+        f64::from(1u32 << self.level) * self.frame.lattice().cell_m
+    }
+
+    /// The middle of a texel from the eye, and how far f32 can have it from there.
+    fn place_m(&self, texel: IVec2) -> (DVec3, f64) {
+        let lattice = self.frame.lattice();
+        let eye_m = self.frame.camera.eye_m;
+        let first = ((self.corner + texel) << self.level as i32).as_dvec2();
+        let sample = first + 0.5 * (f64::from(1u32 << self.level) - 1.0);
+        let (height_m, off_m) = self.height_m(texel);
+        let place_m = (lattice.world_from_sample(sample) - eye_m.truncate()).extend(height_m - eye_m.z);
+        // the eye's fraction of a cell, its sum with whole cells, a cell in metres, their product; a height, less the eye's in two parts
+        let cell_m = lattice.cell_m.max_element();
+        let rounding_m = EPSILON * (5.0 * (place_m.truncate().length() + cell_m) + 3.0 * place_m.z.abs());
+        (place_m, rounding_m + off_m)
+    }
+}
+
+impl SketchImportance {
+    /// Iv, Sf, Sb and Is of a texel, each with its bound.
+    fn factors(&self, map: &Map, texel: IVec2) -> [(f64, f64); 4] {
+        let camera = map.frame.camera;
+        let (place_m, off_m) = map.place_m(texel);
+        let sides_m = map.sides_m();
+        // half a mean side
+        let near_m = (sides_m.x + sides_m.y) / 4.0;
+        let away_m = place_m.length().max(near_m);
+        // a length's square root may cost what an inverse one does, and is that of a sum of squares
+        let off_away = off_m / away_m + 8.0 * EPSILON;
+        let first = (map.corner + texel) << map.level as i32;
+        let is_terrain = first.cmpge(IVec2::ZERO).all() && first.cmplt(map.frame.lattice().size.as_ivec2()).all();
+        let of_distance = match self.distance {
+            true => camera.focal_px() / (self.quad_px * away_m),
+            false => 1.0 / (4.0 * near_m),
+        };
+        let of_distance = match is_terrain {
+            // three roundings of numbers, a division, and the distance
+            true => (of_distance, of_distance * (off_away + 8.0 * EPSILON)),
+            false => (0.0, 0.0),
+        };
+        let in_picture = match self.frustum {
+            true => {
+                let beside_m = sides(camera).map(|side| -side.dot(place_m)).into_iter().fold(f64::MIN, f64::max);
+                let beside = (beside_m - 0.5 * sides_m.length()) / away_m;
+                // a product with a rounded unit vector, half a diagonal, their difference, the distance
+                let reach = (place_m.length() + sides_m.length()) / away_m;
+                let off = off_m / away_m + 8.0 * EPSILON * reach + beside.abs() * off_away;
+                fading((beside, off), width(self.safety_deg))
+            }
+            false => (1.0, 0.0),
+        };
+        let to_eye = match self.facing {
+            true => self.facing(map, texel, (place_m, off_m), away_m),
+            false => (1.0, 0.0),
+        };
+        [of_distance, in_picture, to_eye, (self.densest(), EPSILON * self.densest())]
+    }
+
+    fn facing(&self, map: &Map, texel: IVec2, (place_m, off_m): (DVec3, f64), away_m: f64) -> (f64, f64) {
+        let sides_m = map.sides_m();
+        let slope = |step: IVec2, side_m: f64| {
+            let (there, back) = (map.height_m(texel + step), map.height_m(texel - step));
+            let slope = (there.0 - back.0) / (2.0 * side_m);
+            (slope, (there.1 + back.1) / (2.0 * side_m) + 8.0 * EPSILON * slope.abs())
+        };
+        let (east, south) = (slope(IVec2::X, sides_m.x), slope(IVec2::Y, sides_m.y));
+        let up = DVec3::new(-east.0, south.0, 1.0);
+        let away = up.dot(place_m) / (up.length() * away_m);
+        let sine = self.silhouette_deg.to_radians().sin();
+        // of the normal, as a share of its length; of the place; of products, lengths and a division
+        let off = (east.1 + south.1) / up.length() * 2.0 + 2.0 * off_m / away_m + 24.0 * EPSILON;
+        fading((away - sine, off), width(self.fade_deg))
+    }
+}
+
+/// From 1 at 0 and below to 0 at `width` and above.
+fn fading((x, off): (f64, f64), width: f64) -> (f64, f64) {
+    let at = |x: f64| {
+        let t = (x / width).clamp(0.0, 1.0);
+        1.0 - t * t * (3.0 - 2.0 * t)
+    };
+    let off = off + 8.0 * EPSILON * (x.abs() + width);
+    // it only falls
+    let (low, high) = (at(x + off), at(x - off));
+    (at(x), (at(x) - low).max(high - at(x)) + 8.0 * EPSILON)
+}
