@@ -2,7 +2,8 @@
 // importance map, then along every column of the map resampled with it, points gather where the importance is high.
 //
 // A row's warp is the inverse of the running sum of its importance, piecewise linear. Its ends are exact and it never runs
-// backwards, whatever the importance is.
+// backwards, whatever the importance is. Rows, and then columns, are led by the more important ones beside them: what differs too much from
+// one row to the next folds the cells between them.
 
 struct Params {
     /// Columns and rows of the importance map.
@@ -11,6 +12,8 @@ struct Params {
     grid: vec2<u32>,
     /// Share of the points that importance does not move.
     uniform_share: f32,
+    /// How much less a row counts for the next one than for itself, and a column.
+    decay: vec2<f32>,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -39,6 +42,14 @@ struct Params {
 @group(0) @binding(15) var<storage, read> share: array<u32>;
 /// Those that visit them once more; none along x if the grid has no fold.
 @group(0) @binding(16) var<storage, read_write> left_work: array<atomic<u32>>;
+/// For each line that was walked, its largest weight, and the sum of the squares of all as shares of that.
+@group(0) @binding(19) var<storage, read_write> masses_out: array<vec2<f32>>;
+@group(0) @binding(20) var<storage, read> line_masses: array<vec2<f32>>;
+/// For each line, how much it leads, and one over how much it is led in all.
+@group(0) @binding(21) var<storage, read_write> leads_out: array<vec2<f32>>;
+@group(0) @binding(22) var<storage, read> line_leads: array<vec2<f32>>;
+@group(0) @binding(23) var<storage, read> unled: array<f32>;
+@group(0) @binding(24) var<storage, read_write> led: array<f32>;
 @group(0) @binding(17) var<storage, read> uniform_point: array<vec2<f32>>;
 @group(0) @binding(18) var<storage, read_write> grid_point: array<vec2<f32>>;
 
@@ -49,6 +60,8 @@ const SHARE: u32 = 3u;
 override COMPENSATED: bool = true;
 /// There is a warp from an earlier round.
 override HAS_MAP: bool = false;
+/// Lines are led by those beside them.
+override LED: bool = false;
 
 /// Importance as a weight: NaN, negative and denormal numbers are none, infinity is the largest number.
 fn weight(value: f32) -> f32 {
@@ -106,6 +119,14 @@ fn walk(line: u32, count: u32, is_column: bool) {
         largest = max(largest, weight_of(line, i, is_column));
     }
     let first = line * (count + 1u);
+    if LED {
+        var squares = 0.0;
+        for (var i = 0u; i < count; i++) {
+            let share = weight_of(line, i, is_column) / max(largest, 1e-37);
+            squares += share * share;
+        }
+        masses_out[line] = vec2(largest, squares);
+    }
     if largest == 0.0 {
         for (var i = 0u; i <= count; i++) {
             put(first + i, f32(i) / f32(count), is_column);
@@ -165,6 +186,86 @@ fn rows(@builtin(global_invocation_id) id: vec3<u32>) {
 fn columns(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < params.size.x {
         walk(id.x, params.size.y, true);
+    }
+}
+
+/// The least that a line leads, as a share of what one with a single weight as large as any does.
+const LEAST_LEAD: f32 = 1e-12;
+
+/// How much a line leads: the points that are asked for in it go as the squares of its weights.
+fn lead_of(line: u32, largest: f32) -> f32 {
+    let mass = line_masses[line];
+    let share = mass.x / largest;
+    return max(share * share * mass.y, LEAST_LEAD);
+}
+
+/// How much a line leads, and by how much it is led: by itself and, the less the farther they are, by all others.
+fn weigh_lines(line: u32, lines: u32, decay: f32) {
+    var largest = 1e-37;
+    for (var i = 0u; i < lines; i++) {
+        largest = max(largest, line_masses[i].x);
+    }
+    let own = lead_of(line, largest);
+    var sum = own;
+    var share = 1.0;
+    for (var away = 1u; away < lines; away++) {
+        share *= decay;
+        // beyond the ends there is none
+        if away <= line {
+            sum += share * lead_of(line - away, largest);
+        }
+        if line + away < lines {
+            sum += share * lead_of(line + away, largest);
+        }
+    }
+    leads_out[line] = vec2(own, 1.0 / sum);
+}
+
+@compute @workgroup_size(64)
+fn weigh_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < params.size.y {
+        weigh_lines(id.x, params.size.y, params.decay.x);
+    }
+}
+
+@compute @workgroup_size(64)
+fn weigh_columns(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < params.size.x {
+        weigh_lines(id.x, params.size.x, params.decay.y);
+    }
+}
+
+/// Border `at` of all lines, each in the middle of where the lines that lead it have theirs: once down the lines, and once back.
+fn lead_lines(at: u32, lines: u32, count: u32, decay: f32) {
+    let stride = count + 1u;
+    var sum = 0.0;
+    for (var line = 0u; line < lines; line++) {
+        sum = line_leads[line].x * unled[line * stride + at] + decay * sum;
+        led[line * stride + at] = sum;
+    }
+    sum = 0.0;
+    for (var i = 1u; i <= lines; i++) {
+        let line = lines - i;
+        let index = line * stride + at;
+        let lead = line_leads[line];
+        // the ends are exact
+        let middle = select(select(clamp((led[index] + decay * sum) * lead.y, 0.0, 1.0), 1.0, at == count), 0.0, at == 0u);
+        sum = lead.x * unled[index] + decay * sum;
+        led[index] = middle;
+    }
+}
+
+@compute @workgroup_size(64)
+fn lead_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x <= params.size.x {
+        lead_lines(id.x, params.size.y, params.size.x, params.decay.x);
+    }
+}
+
+@compute @workgroup_size(64)
+fn lead_columns(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x <= params.size.y {
+        lead_lines(id.x, params.size.x, params.size.y, params.decay.y);
     }
 }
 
@@ -246,8 +347,10 @@ fn compose(@builtin(global_invocation_id) id: vec3<u32>) {
     map_out[id.y * wide + id.x] = mapped_before(vec2(x, y));
 }
 
-/// Least area of a cell's corner, as a share of what it has without warp.
-const LEAST: f32 = 0.01;
+/// Least sine of a cell's corner.
+const LEAST: f32 = 0.02;
+/// Least area of a cell's corner, as a share of what it has without warp, where the warp as a whole gives way.
+const LEAST_AREA: f32 = 0.001;
 
 /// Workgroups that visit all corners of the map's cells.
 fn groups() -> vec2<u32> {
@@ -259,14 +362,15 @@ fn grid_groups() -> vec2<u32> {
     return (params.grid + 6u) / 8u;
 }
 
-/// The least area at the four corners of a cell whose corners are given in cells: 1 without warp, negative if it is folded.
-fn least_area(nw: vec2<f32>, ne: vec2<f32>, sw: vec2<f32>, se: vec2<f32>) -> f32 {
-    let north = min(area(ne - nw, sw - nw), area(ne - nw, se - ne));
-    return min(north, min(area(se - sw, sw - nw), area(se - sw, se - ne)));
+/// The least sine of the four corners of a cell, or nearly: negative if it is folded, however small it is.
+fn least_sine(nw: vec2<f32>, ne: vec2<f32>, sw: vec2<f32>, se: vec2<f32>) -> f32 {
+    let north = min(sine(ne - nw, sw - nw), sine(ne - nw, se - ne));
+    return min(north, min(sine(se - sw, sw - nw), sine(se - sw, se - ne)));
 }
 
-fn area(along: vec2<f32>, down: vec2<f32>) -> f32 {
-    return along.x * down.y - along.y * down.x;
+fn sine(along: vec2<f32>, down: vec2<f32>) -> f32 {
+    let area = along.x * down.y - along.y * down.x;
+    return area / max(length(along) * length(down), 1e-30);
 }
 
 /// Whether any cell folds; otherwise no workgroup of `relax` begins.
@@ -278,7 +382,7 @@ fn find_folds(@builtin(global_invocation_id) id: vec3<u32>) {
     let cells = vec2<f32>(params.size);
     let north = id.y * (params.size.x + 1u) + id.x;
     let south = north + params.size.x + 1u;
-    let least = least_area(cells * warp_map[north], cells * warp_map[north + 1u], cells * warp_map[south], cells * warp_map[south + 1u]);
+    let least = least_sine(cells * warp_map[north], cells * warp_map[north + 1u], cells * warp_map[south], cells * warp_map[south + 1u]);
     if least < LEAST {
         atomicMax(&fold_work[0], groups().x);
         atomicMax(&grid_work[0], grid_groups().x);
@@ -308,7 +412,7 @@ fn relax(@builtin(global_invocation_id) id: vec3<u32>) {
     map_out[index] = place;
 }
 
-/// The least area of the cells around a corner.
+/// The least sine of the cells around a corner.
 fn least_around(corner: vec2<u32>) -> f32 {
     let cells = vec2<f32>(params.size);
     var least = 1.0;
@@ -318,7 +422,7 @@ fn least_around(corner: vec2<u32>) -> f32 {
         if all(cell < params.size) {
             let north = cell.y * (params.size.x + 1u) + cell.x;
             let south = north + params.size.x + 1u;
-            least = min(least, least_area(cells * relax_from[north], cells * relax_from[north + 1u], cells * relax_from[south],
+            least = min(least, least_sine(cells * relax_from[north], cells * relax_from[north + 1u], cells * relax_from[south],
                                           cells * relax_from[south + 1u]));
         }
     }
@@ -330,7 +434,7 @@ fn least_around(corner: vec2<u32>) -> f32 {
 fn convex_until(along: vec2<f32>, down: vec2<f32>) -> f32 {
     let a = along.x * down.y - along.y * down.x;
     let b = along.x + down.y;
-    let c = 1.0 - LEAST;
+    let c = 1.0 - LEAST_AREA;
     let discriminant = b * b - 4.0 * a * c;
     if discriminant < 0.0 {
         return 1.0;
@@ -351,7 +455,7 @@ fn find_grid_folds(@builtin(global_invocation_id) id: vec3<u32>) {
     let nw = place + grid_moved(id.xy);
     let ne = place + vec2(1.0, 0.0) + grid_moved(id.xy + vec2(1u, 0u));
     let sw = place + vec2(0.0, 1.0) + grid_moved(id.xy + vec2(0u, 1u));
-    if least_area(nw, ne, sw, place + 1.0 + grid_moved(id.xy + 1u)) < LEAST {
+    if least_sine(nw, ne, sw, place + 1.0 + grid_moved(id.xy + 1u)) < LEAST {
         atomicMax(&left_work[0], grid_groups().x);
     }
 }

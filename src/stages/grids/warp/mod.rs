@@ -25,6 +25,8 @@ pub const INFO: Info = Info {
         Example::new(
             "[ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1)]",
         ),
+        Example::new("[ViewGrid(size: (19, 21)), AspectImportance(size: (9, 12)), Warp(rounds: 2, lead: 0.1)]")
+            .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
         Example::new("[ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
     ],
@@ -43,6 +45,10 @@ pub struct Warp {
     /// share of the points that importance does not move: 0 is none, 1 is all
     #[schemars(range(min = 0, max = 1))]
     uniform_share: f64,
+    /// how far a row is led by the more important ones beside it, and a column, as a share of the map: what differs too much from one row to
+    /// the next folds the cells between them; 0 is not at all, as in the paper
+    #[schemars(range(min = 0, max = 1))]
+    lead: f64,
     /// how running sums are made
     sums: Sums,
 }
@@ -57,7 +63,7 @@ enum Sums {
 
 impl Default for Warp {
     fn default() -> Self {
-        Self { rounds: 1, uniform_share: 0.0, sums: Sums::Compensated }
+        Self { rounds: 1, uniform_share: 0.0, lead: 0.0, sums: Sums::Compensated }
     }
 }
 
@@ -139,11 +145,17 @@ impl Warp {
         let fold_work = chain.make("fold_work", Elem::U32, &[3], "", "workgroups along x, y, z that look after folds");
         // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
         // warps, and any buffer will do for them
-        let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", along).bind("rows_out", rows);
-        walk.bind("warp_rows", along).leave_unbound("columns_out").over(UVec2::new(size.y, 1))?;
+        let (walked, masses) = self.walked(chain, "rows", (size.y, wide), rows);
+        let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", along).bind("rows_out", walked);
+        let walk = walk.bind("warp_rows", along).leave_unbound("columns_out").bind_or_leave("masses_out", masses);
+        walk.over(UVec2::new(size.y, 1))?;
+        self.lead(chain, "rows", (round, size, grid), (walked, rows), masses)?;
+        let (walked, masses) = self.walked(chain, "columns", (size.x, high), columns);
         let walk =
-            self.step(chain, "columns", round, (size, grid))?.bind("importance", down).bind("columns_out", columns);
-        walk.bind("warp_rows", rows).leave_unbound("rows_out").over(UVec2::new(size.x, 1))?;
+            self.step(chain, "columns", round, (size, grid))?.bind("importance", down).bind("columns_out", walked);
+        let walk = walk.bind("warp_rows", rows).leave_unbound("rows_out").bind_or_leave("masses_out", masses);
+        walk.over(UVec2::new(size.x, 1))?;
+        self.lead(chain, "columns", (round, size, grid), (walked, columns), masses)?;
         let compose =
             self.step(chain, "compose", round, (size, grid))?.bind("warp_rows", rows).bind("warp_columns", columns);
         let compose = match before {
@@ -161,6 +173,49 @@ impl Warp {
         find.bind("fold_work", fold_work).bind("grid_work", work.cells).over(size)?;
         self.give_way(chain, round, (size, grid), [map, fold_work, gave_way])?;
         Ok(map)
+    }
+
+    /// Where the warps of lines go before they are led, and how much each of them leads; the warps themselves, if nothing is led.
+    fn walked(
+        &self,
+        chain: &mut Chain,
+        lines: &str,
+        (count, borders): (u32, u32),
+        led: BufferId,
+    ) -> (BufferId, Option<BufferId>) {
+        if self.lead == 0.0 {
+            return (led, None);
+        }
+        let meaning = "where borders go before their lines are led by others";
+        let walked = chain.make(&format!("unled_{lines}"), Elem::F32, &[count, borders], "", meaning);
+        let meaning = "the largest weight of each line, and the sum of the squares of all as shares of it";
+        let masses = chain.make(&format!("masses_of_{lines}"), Elem::Vec2F32, &[count], "", meaning);
+        chain.set_spread(walked, Spread::Rows);
+        (walked, Some(masses))
+    }
+
+    /// Lets lines be led by those beside them.
+    fn lead(
+        &self,
+        chain: &mut Chain,
+        lines: &str,
+        (round, size, grid): (u32, UVec2, UVec2),
+        (walked, led): (BufferId, BufferId),
+        masses: Option<BufferId>,
+    ) -> Result<(), Diagnostic> {
+        let Some(masses) = masses else { return Ok(()) };
+        let (count, borders) = (chain.buffer(led).dims[0], chain.buffer(led).dims[1]);
+        let meaning = "how much each line leads, and one over how much it is led";
+        let leads = chain.make(&format!("leads_of_{lines}"), Elem::Vec2F32, &[count], "", meaning);
+        let weigh = self.step(chain, &format!("weigh_{lines}"), round, (size, grid))?.bind("line_masses", masses);
+        weigh.bind("leads_out", leads).over(UVec2::new(count, 1))?;
+        let lead = self.step(chain, &format!("lead_{lines}"), round, (size, grid))?.bind("line_leads", leads);
+        lead.bind("unled", walked).bind("led", led).over(UVec2::new(borders, 1))
+    }
+
+    /// How much less a line counts for the next one than for itself.
+    fn decay(&self, lines: u32) -> f32 {
+        (-1.0 / (self.lead * f64::from(lines))).exp() as f32
     }
 
     /// Lets the corners of folded cells give way, if there are any.
@@ -192,9 +247,12 @@ impl Warp {
             .step(&format!("{entry} {}", round + 1), &kernel, entry)
             .constant("COMPENSATED", f64::from(self.sums == Sums::Compensated))
             .constant("HAS_MAP", f64::from(round > 0))
+            .constant("LED", f64::from(self.lead > 0.0))
             .set("size", size.to_array())
             .set("grid", grid.to_array())
-            .set("uniform_share", self.uniform_share as f32))
+            .set("uniform_share", self.uniform_share as f32)
+            // (a row counts for those over and under it)
+            .set("decay", [self.decay(size.y), self.decay(size.x)]))
     }
 }
 

@@ -15,9 +15,8 @@ impl Reference for Warp {
         for round in 0..self.rounds {
             let missing = (round > 0).then(|| importance.missing(&map));
             let [along, down] = missing.as_ref().map_or([&importance; 2], |missing| missing.each_ref());
-            let rows: Vec<Line> = (0..along.size.y).map(|row| self.line(&along.row(row))).collect();
-            let columns: Vec<Line> =
-                (0..down.size.x).map(|column| self.line(&down.warped_column(column, &rows))).collect();
+            let rows = self.lines((0..along.size.y).map(|row| along.row(row)).collect());
+            let columns = self.lines((0..down.size.x).map(|column| down.warped_column(column, &rows)).collect());
             map = map.composed(&rows, &columns);
             gave_way = Values::missing(&[along.size.y + 1, along.size.x + 1], 1);
             (0..map.corners.len()).for_each(|at| gave_way.set(at, 0.0, 0.0));
@@ -51,6 +50,40 @@ impl Reference for Warp {
 }
 
 impl Warp {
+    /// The warps of lines of weights, each led by those beside it.
+    fn lines(&self, weights: Vec<Vec<(f64, f64)>>) -> Vec<Line> {
+        let lines: Vec<Line> = weights.iter().map(|weights| self.line(weights)).collect();
+        if self.lead == 0.0 {
+            return lines;
+        }
+        let decay = f64::from(self.decay(lines.len() as u32));
+        let leads = leads(&weights);
+        let led = |at: usize| {
+            // how much each line leads this one, and by which share rounding may change that: a product a line on the way, and its sum
+            let away = |line: usize| at.abs_diff(line) as i32;
+            let of_line = |(line, lead): (usize, &(f64, f64))| {
+                (lead.0 * decay.powi(away(line)), lead.1 + f64::from(3 * away(line) + 8) * EPSILON)
+            };
+            let shares: Vec<(f64, f64)> = leads.iter().enumerate().map(of_line).collect();
+            let all: f64 = shares.iter().map(|(share, _)| *share).sum();
+            let border = |i: usize| {
+                let last = lines[at].places.len() - 1;
+                if i == 0 || i == last {
+                    return lines[at].places[i];
+                }
+                let of = |line: &Line| line.places[i];
+                let mean = lines.iter().zip(&shares).map(|(line, (share, _))| of(line).0 * share / all).sum::<f64>();
+                let off = |(line, (share, off)): (&Line, &(f64, f64))| {
+                    share / all * (of(line).1 + off * (of(line).0 - mean).abs())
+                };
+                // twice, since shares are off together with their sum
+                (mean, 2.0 * lines.iter().zip(&shares).map(off).sum::<f64>() + 8.0 * EPSILON)
+            };
+            Line { places: (0..lines[at].places.len()).map(border).collect() }
+        };
+        (0..lines.len()).map(led).collect()
+    }
+
     /// The warp of one line of weights (value, bound).
     fn line(&self, weights: &[(f64, f64)]) -> Line {
         let share = self.uniform_share;
@@ -87,6 +120,21 @@ impl Warp {
     }
 }
 
+/// The least that a line leads, as a share of what one with a single weight as large as any does; `LEAST_LEAD` of the kernel.
+const LEAST_LEAD: f64 = 1e-12;
+
+/// How much lines lead, and by which share of that rounding may be off: by the sum of the squares of their weights.
+fn leads(weights: &[Vec<(f64, f64)>]) -> Vec<(f64, f64)> {
+    let largest = weights.iter().flatten().map(|(weight, _)| *weight).fold(1e-37, f64::max);
+    let lead = |line: &Vec<(f64, f64)>| {
+        let squares: f64 = line.iter().map(|(weight, _)| (weight / largest).powi(2)).sum();
+        let off: f64 = line.iter().map(|(weight, bound)| weight / largest * (bound / largest)).sum();
+        let lead = squares.max(LEAST_LEAD);
+        (lead, 2.0 * off / lead + (2.0 * line.len() as f64 + 16.0) * EPSILON)
+    };
+    weights.iter().map(lead).collect()
+}
+
 /// Where the borders of a line's cells go, and the bound of each.
 struct Line {
     places: Vec<(f64, f64)>,
@@ -103,8 +151,11 @@ fn mix((a, off_a): (f64, f64), (b, off_b): (f64, f64), w: f64) -> (f64, f64) {
     (a + (b - a) * w, off_a.max(off_b))
 }
 
-/// Least area of a cell's corner, as a share of what it is without warp; `LEAST` of the kernel.
-const LEAST: f64 = 0.01;
+/// Least sine of a cell's corner; `LEAST` of the kernel.
+const LEAST: f64 = 0.02;
+
+/// Least area of a corner, as a share of what it is without warp, where the whole warp gives way; `LEAST_AREA` of the kernel.
+const LEAST_AREA: f64 = 0.001;
 
 /// The importance map.
 struct Map {
@@ -284,8 +335,8 @@ impl Corners {
             let (place, off) = self.corners[at];
             let cells = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(left, up)| (x.wrapping_sub(left), y.wrapping_sub(up)));
             let is_cell = |(x, y): &(u32, u32)| *x < self.size.x && *y < self.size.y;
-            let areas = cells.into_iter().filter(is_cell).map(|(x, y)| self.least_area(x, y));
-            let (low, high) = areas.fold((1.0f64, 1.0f64), |least, area| (least.0.min(area.0), least.1.min(area.1)));
+            let sines = cells.into_iter().filter(is_cell).map(|(x, y)| self.least_sine(x, y));
+            let (low, high) = sines.fold((1.0f64, 1.0f64), |least, sine| (least.0.min(sine.0), least.1.min(sine.1)));
             let inside = (x > 0 && x < self.size.x, y > 0 && y < self.size.y);
             if low >= LEAST || inside == (false, false) {
                 return (place, off);
@@ -310,8 +361,8 @@ impl Corners {
         Corners { size: self.size, corners: places.map(corner).collect() }
     }
 
-    /// Of the four corners of a cell, the least area as a share of what it is without warp: what it may be, from and to.
-    fn least_area(&self, x: u32, y: u32) -> (f64, f64) {
+    /// Of the four corners of a cell, the least sine: what it may be, from and to.
+    fn least_sine(&self, x: u32, y: u32) -> (f64, f64) {
         let [nw, ne, sw, se] = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| self.corner(x, y));
         let cells = self.size.as_dvec2();
         let off = [nw.1, ne.1, sw.1, se.1].into_iter().fold(0.0, f64::max);
@@ -319,10 +370,11 @@ impl Corners {
         let (mut low, mut high) = (f64::INFINITY, f64::INFINITY);
         for along in [(ne.0 - nw.0) * cells, (se.0 - sw.0) * cells] {
             for down in [(sw.0 - nw.0) * cells, (se.0 - ne.0) * cells] {
-                let area = along.perp_dot(down);
-                let reach = along.length() + down.length();
-                let slack = 2.0 * off * (reach + off) + 8.0 * EPSILON * along.length() * down.length();
-                (low, high) = (low.min(area - slack), high.min(area + slack));
+                let sine = along.perp_dot(down) / (along.length() * down.length()).max(1e-30);
+                // an edge that is off by its own length may point anywhere
+                let slack = 2.0 * off / along.length() + 2.0 * off / down.length() + 16.0 * EPSILON;
+                let slack = if slack < 1.0 { slack } else { 2.0 };
+                (low, high) = (low.min(sine - slack), high.min(sine + slack));
             }
         }
         (low, high)
@@ -330,9 +382,9 @@ impl Corners {
 
     /// How much of the warp these points of a grid go, with a bound: all of it if no round has folded anything and no cell folds.
     fn share(&self, (folds, may_fold): (bool, bool)) -> (f64, f64) {
-        let areas =
-            (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (x, y))).map(|(x, y)| self.least_area(x, y));
-        let (low, high) = areas.fold((1.0f64, 1.0f64), |least, area| (least.0.min(area.0), least.1.min(area.1)));
+        let sines =
+            (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (x, y))).map(|(x, y)| self.least_sine(x, y));
+        let (low, high) = sines.fold((1.0f64, 1.0f64), |least, sine| (least.0.min(sine.0), least.1.min(sine.1)));
         if !(folds || may_fold) || low >= LEAST {
             return (1.0, 1e-6);
         }
@@ -356,9 +408,9 @@ impl Corners {
                     let longest = 1.0 + along.length().max(down.length());
                     let slack = 8.0 * (off + 16.0 * EPSILON * f64::from(self.size.max_element())) * longest;
                     let until = |least: f64| convex_until(along, down, least);
-                    share = share.min(until(LEAST));
-                    low = low.min(until(LEAST + slack));
-                    high = high.min(until(LEAST - slack));
+                    share = share.min(until(LEAST_AREA));
+                    low = low.min(until(LEAST_AREA + slack));
+                    high = high.min(until(LEAST_AREA - slack));
                 }
             }
         }
