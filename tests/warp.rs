@@ -56,6 +56,9 @@ fn no_cell_of_the_grid_folds() {
             ((64, 48), "rounds: 3"),
             ((31, 33), "rounds: 8"),
             ((97, 31), "uniform_share: 0.2"),
+            ((64, 48), "lead: 0"),
+            ((64, 48), "rounds: 3, lead: 0"),
+            ((31, 33), "rounds: 8, lead: 0.01"),
         ] {
             let ran = warp(&gpu, kind, size, parameters);
             let points = ran.read::<[f32; 2]>("grid_point");
@@ -104,8 +107,8 @@ fn plain_sums_fail_where_compensated_ones_hold() {
     // the total, each share of it and each sum are rounded a few times, relative to a total of 0.7 a cell, of which one cell
     // is all there is between two places; and the place itself is
     let tolerance = 8.0 * f64::from(f32::EPSILON);
-    let compensated = largest_off(&warp(&gpu, 6, (COLUMNS, 1), ""), COLUMNS as usize);
-    let plain = largest_off(&warp(&gpu, 6, (COLUMNS, 1), "sums: Plain"), COLUMNS as usize);
+    let compensated = largest_off(&warp(&gpu, 6, (COLUMNS, 1), "lead: 0"), COLUMNS as usize);
+    let plain = largest_off(&warp(&gpu, 6, (COLUMNS, 1), "sums: Plain, lead: 0"), COLUMNS as usize);
     println!("compensated {compensated:e}, plain {plain:e}, tolerance {tolerance:e}");
     assert!(compensated <= tolerance, "{compensated:e}");
     assert!(plain > 10.0 * tolerance, "plain sums are off by {plain:e} only");
@@ -139,7 +142,7 @@ fn more_rounds_are_never_worse() {
 fn a_fold_is_undone_where_it_is() {
     let gpu = Gpu::open(None).unwrap();
     let (columns, rows) = (64, 48);
-    let ran = warp(&gpu, FOLDING, (columns, rows), "");
+    let ran = warp(&gpu, FOLDING, (columns, rows), "lead: 0");
     let gave_way = ran.read::<u32>("warp_gave_way");
     let moved = gave_way.iter().filter(|times| **times > 0).count();
     assert!(moved > 0, "nothing would fold");

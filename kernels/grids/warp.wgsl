@@ -14,6 +14,10 @@ struct Params {
     uniform_share: f32,
     /// How much less a row counts for the next one than for itself, and a column.
     decay: vec2<f32>,
+    /// Rounds before this one.
+    round: u32,
+    /// A round begins only if what is missing is spread by this much, in octaves.
+    until: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -40,7 +44,7 @@ struct Params {
 /// the bits of an f32.
 @group(0) @binding(14) var<storage, read_write> grid_work: array<atomic<u32>>;
 @group(0) @binding(15) var<storage, read> share: array<u32>;
-/// Those that visit them once more; none along x if the grid has no fold.
+/// Those that visit corners or cells once more; none along x if no fold is left.
 @group(0) @binding(16) var<storage, read_write> left_work: array<atomic<u32>>;
 /// For each line that was walked, its largest weight, and the sum of the squares of all as shares of that.
 @group(0) @binding(19) var<storage, read_write> masses_out: array<vec2<f32>>;
@@ -50,6 +54,16 @@ struct Params {
 @group(0) @binding(22) var<storage, read> line_leads: array<vec2<f32>>;
 @group(0) @binding(23) var<storage, read> unled: array<f32>;
 @group(0) @binding(24) var<storage, read_write> led: array<f32>;
+/// For each row of the map, its largest missing weight, and six sums over its cells: see `survey`.
+@group(0) @binding(25) var<storage, read> missing_along: array<f32>;
+@group(0) @binding(26) var<storage, read> missing_down: array<f32>;
+@group(0) @binding(27) var<storage, read_write> survey_out: array<f32>;
+@group(0) @binding(28) var<storage, read> surveys: array<f32>;
+/// Workgroups along x, y and z that walk lines; none along x if this round is not needed.
+@group(0) @binding(29) var<storage, read_write> round_work: array<u32>;
+@group(0) @binding(31) var<storage, read> round_needed: array<u32>;
+/// After each round but the last, by how much what is missing is spread.
+@group(0) @binding(30) var<storage, read_write> residual: array<f32>;
 @group(0) @binding(17) var<storage, read> uniform_point: array<vec2<f32>>;
 @group(0) @binding(18) var<storage, read_write> grid_point: array<vec2<f32>>;
 
@@ -62,6 +76,8 @@ override COMPENSATED: bool = true;
 override HAS_MAP: bool = false;
 /// Lines are led by those beside them.
 override LED: bool = false;
+/// This round may not be needed.
+override MAY_END: bool = false;
 
 /// Importance as a weight: NaN, negative and denormal numbers are none, infinity is the largest number.
 fn weight(value: f32) -> f32 {
@@ -314,27 +330,103 @@ fn resample(@builtin(global_invocation_id) id: vec3<u32>) {
     down_out[index] = min(wanted, 1.0e30) * (0.5 * length(down * cells));
 }
 
+/// Numbers that `survey` leaves for each row.
+const SURVEYED: u32 = 6u;
+
+/// Of the cells of a row: their demand, which is what is missing along them times what is missing down them, and its products with the
+/// logarithm of either and with the square of that; demand is a share of the square of the row's largest, which is the first number.
+@compute @workgroup_size(64)
+fn survey(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= params.size.y {
+        return;
+    }
+    let first = id.x * params.size.x;
+    var largest = 1e-37;
+    for (var i = 0u; i < params.size.x; i++) {
+        largest = max(largest, max(weight(missing_along[first + i]), weight(missing_down[first + i])));
+    }
+    var demand = 0.0;
+    var sums = vec4(0.0);
+    for (var i = 0u; i < params.size.x; i++) {
+        let both = vec2(weight(missing_along[first + i]), weight(missing_down[first + i]));
+        let shares = both / largest;
+        let own = shares.x * shares.y;
+        // what nothing is asked for in has no logarithm
+        let octaves = log2(max(both, vec2(1e-37)));
+        demand += own;
+        sums += own * vec4(octaves, octaves * octaves);
+    }
+    let at = id.x * SURVEYED;
+    survey_out[at] = largest;
+    survey_out[at + 1u] = demand;
+    survey_out[at + 2u] = sums.x;
+    survey_out[at + 3u] = sums.y;
+    survey_out[at + 4u] = sums.z;
+    survey_out[at + 5u] = sums.w;
+}
+
+/// The spread of what is missing: root of the variances of its logarithms, along rows and down columns, by demand. Nothing is spread if
+/// every cell has what is asked for, up to one factor.
+@compute @workgroup_size(1)
+fn judge() {
+    var largest = 1e-37;
+    for (var i = 0u; i < params.size.y; i++) {
+        largest = max(largest, surveys[i * SURVEYED]);
+    }
+    var demand = 0.0;
+    var sums = vec4(0.0);
+    for (var i = 0u; i < params.size.y; i++) {
+        let at = i * SURVEYED;
+        let share = surveys[at] / largest;
+        demand += share * share * surveys[at + 1u];
+        sums += share * share * vec4(surveys[at + 2u], surveys[at + 3u], surveys[at + 4u], surveys[at + 5u]);
+    }
+    let means = sums / max(demand, 1e-37);
+    let variances = max(means.zw - means.xy * means.xy, vec2(0.0));
+    let spread = sqrt(variances.x + variances.y);
+    residual[params.round - 1u] = spread;
+    round_work[0] = select(0u, (max(params.size.x, params.size.y) + 64u) / 64u, spread >= params.until && demand > 0.0);
+    round_work[1] = 1u;
+    round_work[2] = 1u;
+}
+
+/// Before a round, nobody has found a fold.
+@compute @workgroup_size(1)
+fn begin() {
+    atomicStore(&fold_work[0], 0u);
+    atomicStore(&fold_work[1], groups().y);
+    atomicStore(&fold_work[2], 1u);
+    atomicStore(&left_work[0], 0u);
+    atomicStore(&left_work[1], groups().y);
+    atomicStore(&left_work[2], 1u);
+}
+
+/// The same for the grid, before the first round.
+@compute @workgroup_size(1)
+fn begin_grid() {
+    atomicStore(&grid_work[0], 0u);
+    atomicStore(&grid_work[1], grid_groups().y);
+    atomicStore(&grid_work[2], 1u);
+    atomicStore(&grid_work[SHARE], bitcast<u32>(1.0));
+    atomicStore(&left_work[0], 0u);
+    atomicStore(&left_work[1], grid_groups().y);
+    atomicStore(&left_work[2], 1u);
+}
+
 /// A corner goes down its column's warp, then along the warp of the row it has come to.
 @compute @workgroup_size(8, 8)
 fn compose(@builtin(global_invocation_id) id: vec3<u32>) {
-    if all(id.xy == vec2(0u)) {
-        atomicStore(&fold_work[0], 0u);
-        atomicStore(&fold_work[1], groups().y);
-        atomicStore(&fold_work[2], 1u);
-        if !HAS_MAP {
-            atomicStore(&grid_work[0], 0u);
-            atomicStore(&grid_work[1], grid_groups().y);
-            atomicStore(&grid_work[2], 1u);
-            atomicStore(&left_work[0], 0u);
-            atomicStore(&left_work[1], grid_groups().y);
-            atomicStore(&left_work[2], 1u);
-            atomicStore(&grid_work[SHARE], bitcast<u32>(1.0));
-        }
-    }
     if any(id.xy > params.size) {
         return;
     }
-    gave_way[id.y * (params.size.x + 1u) + id.x] = 0u;
+    let index = id.y * (params.size.x + 1u) + id.x;
+    if !HAS_MAP {
+        gave_way[index] = 0u;
+    }
+    if MAY_END && round_needed[0] == 0u {
+        map_out[index] = map_before[index];
+        return;
+    }
     let west = max(id.x, 1u) - 1u;
     let east = min(id.x, params.size.x - 1u);
     let points = params.size.y + 1u;
@@ -373,19 +465,43 @@ fn sine(along: vec2<f32>, down: vec2<f32>) -> f32 {
     return area / max(length(along) * length(down), 1e-30);
 }
 
+/// Whether a cell of the map is folded, or all but folded.
+fn is_folded(cell: vec2<u32>) -> bool {
+    let cells = vec2<f32>(params.size);
+    let north = cell.y * (params.size.x + 1u) + cell.x;
+    let south = north + params.size.x + 1u;
+    return least_sine(cells * warp_map[north], cells * warp_map[north + 1u], cells * warp_map[south], cells * warp_map[south + 1u]) < LEAST;
+}
+
 /// Whether any cell folds; otherwise no workgroup of `relax` begins.
 @compute @workgroup_size(8, 8)
 fn find_folds(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.size) {
         return;
     }
-    let cells = vec2<f32>(params.size);
-    let north = id.y * (params.size.x + 1u) + id.x;
-    let south = north + params.size.x + 1u;
-    let least = least_sine(cells * warp_map[north], cells * warp_map[north + 1u], cells * warp_map[south], cells * warp_map[south + 1u]);
-    if least < LEAST {
+    if is_folded(id.xy) {
         atomicMax(&fold_work[0], groups().x);
         atomicMax(&grid_work[0], grid_groups().x);
+    }
+}
+
+/// Whether any cell still folds; otherwise no workgroup of `take_back` begins.
+@compute @workgroup_size(8, 8)
+fn find_left(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= params.size) {
+        return;
+    }
+    if is_folded(id.xy) {
+        atomicMax(&left_work[0], groups().x);
+    }
+}
+
+/// A further round that folds cells for good is taken back.
+@compute @workgroup_size(8, 8)
+fn take_back(@builtin(global_invocation_id) id: vec3<u32>) {
+    if all(id.xy <= params.size) {
+        let index = id.y * (params.size.x + 1u) + id.x;
+        map_out[index] = map_before[index];
     }
 }
 

@@ -27,9 +27,9 @@ pub const INFO: Info = Info {
         Known::new("swimming_p50", "px", Kind::Error, "median of it"),
         Known::new("swimming_p95", "px", Kind::Error, "95th percentile of it"),
         Known::new("swimming_p99", "px", Kind::Error, "99th percentile of it"),
-        Known::new("height_rms", "m", Kind::Error, "root of the mean square of mesh minus surface over all points under the mesh"),
+        Known::new("height_rms", "m", Kind::Error, "root of the mean square of mesh minus surface at the points in the picture"),
         Known::new("height_max", "m", Kind::Error, "largest of it, without its sign"),
-        Known::new("points_under", "of points", Kind::Other, "share of the points that are under the mesh"),
+        Known::new("points_seen", "of points", Kind::Other, "share of the points that are in the picture, hidden ones too"),
     ],
     columns: &[
         Column { heading: "swim rms px", figure: "swimming_rms", show: Show::Number },
@@ -66,8 +66,8 @@ impl Measure for Swimming {
 struct Summary {
     points: u32,
     swimming: Distribution,
-    /// Points under the mesh, of all, and the squares of mesh minus surface.
-    under: usize,
+    /// Points in the picture, of all, and the squares of mesh minus surface.
+    seen: usize,
     all: usize,
     squares: f64,
     largest_m: f64,
@@ -95,8 +95,11 @@ impl Sums for Summary {
         let before = self.last.as_ref().filter(|(frame, _)| frame + 1 == seen.frame).map(|(_, heights_m)| heights_m);
         for (at, height_m) in heights_m.iter().enumerate().filter(|(_, height_m)| !height_m.is_nan()) {
             let point_m = points.at_m(at).extend(*height_m);
+            if !is_in_picture(camera, point_m) {
+                continue;
+            }
             let off_m = (height_m - ground.surface_at(point_m).z).abs();
-            own.under += 1;
+            own.seen += 1;
             own.squares += off_m * off_m;
             own.largest_m = own.largest_m.max(off_m);
             let moved_px = before.and_then(|before| moved_px(camera, point_m, before[at]));
@@ -109,7 +112,7 @@ impl Sums for Summary {
 
     fn add(&mut self, frame: Self) {
         self.swimming.merge(&frame.swimming);
-        self.under += frame.under;
+        self.seen += frame.seen;
         self.all += frame.all;
         self.squares += frame.squares;
         self.largest_m = self.largest_m.max(frame.largest_m);
@@ -117,23 +120,30 @@ impl Sums for Summary {
     }
 
     fn measured(&self) -> Vec<Measured> {
-        let is_under = self.under > 0;
+        let is_seen = self.seen > 0;
         let mut measured = self.swimming.named("swimming");
         measured.extend([
-            Measured::new("height_rms", is_under.then(|| (self.squares / self.under as f64).sqrt()), "m"),
-            Measured::new("height_max", is_under.then_some(self.largest_m), "m"),
-            Measured::new("points_under", (self.all > 0).then(|| self.under as f64 / self.all as f64), "of points"),
+            Measured::new("height_rms", is_seen.then(|| (self.squares / self.seen as f64).sqrt()), "m"),
+            Measured::new("height_max", is_seen.then_some(self.largest_m), "m"),
+            Measured::new("points_seen", (self.all > 0).then(|| self.seen as f64 / self.all as f64), "of points"),
         ]);
         measured
     }
 }
 
-/// How far in the picture a point is from where it was, at another height in the frame before; `None` if it is not in the picture, or if
-/// there was no mesh.
+fn size_px(camera: &Camera) -> DVec2 {
+    DVec2::new(camera.viewport.0.into(), camera.viewport.1.into())
+}
+
+fn is_in_picture(camera: &Camera, point_m: DVec3) -> bool {
+    let inside = |pixel: DVec2| pixel.cmpge(DVec2::ZERO).all() && pixel.cmple(size_px(camera)).all();
+    camera.pixel(point_m).is_some_and(inside)
+}
+
+/// How far in the picture a point is from where it was, at another height in the frame before; `None` if there was no mesh.
 fn moved_px(camera: &Camera, point_m: DVec3, before_m: f64) -> Option<f64> {
-    let size = DVec2::new(camera.viewport.0.into(), camera.viewport.1.into());
-    let in_picture = |pixel: &DVec2| pixel.cmpge(DVec2::ZERO).all() && pixel.cmple(size).all();
-    let now = camera.pixel(point_m).filter(in_picture)?;
+    let size = size_px(camera);
+    let now = camera.pixel(point_m)?;
     if before_m.is_nan() {
         return None;
     }

@@ -17,7 +17,7 @@ pub const INFO: Info = Info {
     formula: "along a row, then down a column: x(s) with F(x(s)) = s F(1), F the running sum of the importance",
     source: "Dachsbacher, Stamminger 2004, section 3.3, Fig. 5; refinement after Loeffler et al. 2009, section 4",
     reads: &["importance", "grid_point"],
-    writes: &["warp_rows", "warp_columns", "warp_map", "warp_gave_way", "grid_point"],
+    writes: &["warp_rows", "warp_columns", "warp_map", "warp_gave_way", "warp_residual", "grid_point"],
     offers: &[what::<Warped<()>>()],
     parameters: schema::<Warp>,
     read: read_as::<Warp>,
@@ -25,7 +25,12 @@ pub const INFO: Info = Info {
         Example::new(
             "[ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1)]",
         ),
-        Example::new("[ViewGrid(size: (19, 21)), AspectImportance(size: (9, 12)), Warp(rounds: 2, lead: 0.1)]")
+        Example::new("[ViewGrid(size: (19, 21)), AspectImportance(size: (9, 12)), Warp(rounds: 2, lead: 0)]")
+            .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
+        Example::new("[ViewGrid(size: (12, 14)), AspectImportance(size: (11, 13)), Warp(rounds: 2, until: 0.1)]")
+            .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
+        // a round that is never needed
+        Example::new("[ViewGrid(size: (9, 8)), AspectImportance(size: (7, 9)), Warp(rounds: 2, until: 8)]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
         Example::new("[ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
@@ -42,6 +47,10 @@ pub struct Warp {
     /// how often rows and columns are warped; each further round gives what the rounds before have left missing
     #[schemars(range(min = 1, max = 8))]
     rounds: u32,
+    /// a further round begins only if what is missing is spread by at least this much over the map, in octaves of density (root of the
+    /// variances along rows and down columns, by demand)
+    #[schemars(range(min = 0))]
+    until: f64,
     /// share of the points that importance does not move: 0 is none, 1 is all
     #[schemars(range(min = 0, max = 1))]
     uniform_share: f64,
@@ -63,7 +72,7 @@ enum Sums {
 
 impl Default for Warp {
     fn default() -> Self {
-        Self { rounds: 1, uniform_share: 0.0, lead: 0.0, sums: Sums::Compensated }
+        Self { rounds: 1, until: 0.0, uniform_share: 0.0, lead: 0.1, sums: Sums::Compensated }
     }
 }
 
@@ -88,13 +97,15 @@ impl Stage for Warp {
         }
         let importance = chain.read_as("importance", Elem::F32, &[rows, columns])?;
         let size = UVec2::new(columns, rows);
-        let work = GridWork::new(chain);
+        let work = GridWork::new(chain, size);
+        let begin = self.step(chain, "begin_grid", 0, (size, grid))?.bind("grid_work", work.cells);
+        begin.bind("left_work", work.folded).over(UVec2::ONE)?;
         let mut map = None;
         for round in 0..self.rounds {
             map = Some(self.round(chain, round, importance, (size, grid), map, &work)?);
         }
-        let (Some(map), Some(gave_way)) = (map, chain.find("warp_gave_way")) else { return Ok(()) };
-        chain.offer(Warped { gave_way, share: work.cells });
+        let Some(map) = map else { return Ok(()) };
+        chain.offer(Warped { gave_way: work.gave_way, share: work.cells });
         let step = self.step(chain, "find_grid_folds", self.rounds - 1, (size, grid))?.bind("warp_map", map);
         step.bind("uniform_point", points).bind("left_work", work.folded).over_indirect(work.cells)?;
         let step = self.step(chain, "unfold", self.rounds - 1, (size, grid))?.bind("warp_map", map);
@@ -139,39 +150,41 @@ impl Warp {
         let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go");
         let map = make_map(chain, "warp_map", size);
         [rows, columns].into_iter().for_each(|id| chain.set_spread(id, Spread::Rows));
-        let meaning = "how often each corner of the map gave way to a fold";
-        let gave_way = chain.make("warp_gave_way", Elem::U32, &[high, wide], "", meaning);
-        chain.set_spread(gave_way, Spread::UnitSquareCorners);
-        let fold_work = chain.make("fold_work", Elem::U32, &[3], "", "workgroups along x, y, z that look after folds");
+        let [folds, left] = ["fold_work", "left_folds"]
+            .map(|name| chain.make(name, Elem::U32, &[3], "", "workgroups along x, y, z that look after folds"));
+        let begin = self.step(chain, "begin", round, (size, grid))?.bind("fold_work", folds);
+        begin.bind("left_work", left).over(UVec2::ONE)?;
         // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
         // warps, and any buffer will do for them
+        let needed = if round > 0 { self.judge(chain, round, (size, grid), (along, down))? } else { None };
         let (walked, masses) = self.walked(chain, "rows", (size.y, wide), rows);
         let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", along).bind("rows_out", walked);
         let walk = walk.bind("warp_rows", along).leave_unbound("columns_out").bind_or_leave("masses_out", masses);
-        walk.over(UVec2::new(size.y, 1))?;
-        self.lead(chain, "rows", (round, size, grid), (walked, rows), masses)?;
+        over_lines(walk, needed, size.y)?;
+        self.lead(chain, "rows", (round, size, grid), (walked, rows), (masses, needed))?;
         let (walked, masses) = self.walked(chain, "columns", (size.x, high), columns);
         let walk =
             self.step(chain, "columns", round, (size, grid))?.bind("importance", down).bind("columns_out", walked);
         let walk = walk.bind("warp_rows", rows).leave_unbound("rows_out").bind_or_leave("masses_out", masses);
-        walk.over(UVec2::new(size.x, 1))?;
-        self.lead(chain, "columns", (round, size, grid), (walked, columns), masses)?;
+        over_lines(walk, needed, size.x)?;
+        self.lead(chain, "columns", (round, size, grid), (walked, columns), (masses, needed))?;
         let compose =
             self.step(chain, "compose", round, (size, grid))?.bind("warp_rows", rows).bind("warp_columns", columns);
         let compose = match before {
             Some(map) => compose.bind("map_before", map),
             None => compose.leave_unbound("map_before"),
         };
-        compose
-            .bind("map_out", map)
-            .bind("gave_way", gave_way)
-            .bind("fold_work", fold_work)
-            .bind("grid_work", work.cells)
-            .bind("left_work", work.folded)
-            .over(UVec2::new(wide, high))?;
+        let compose = compose.bind("map_out", map).bind("gave_way", work.gave_way);
+        compose.bind_or_leave("round_needed", needed).over(UVec2::new(wide, high))?;
         let find = self.step(chain, "find_folds", round, (size, grid))?.bind("warp_map", map);
-        find.bind("fold_work", fold_work).bind("grid_work", work.cells).over(size)?;
-        self.give_way(chain, round, (size, grid), [map, fold_work, gave_way])?;
+        find.bind("fold_work", folds).bind("grid_work", work.cells).over(size)?;
+        self.give_way(chain, round, (size, grid), [map, folds, work.gave_way])?;
+        if let Some(before) = before {
+            let find = self.step(chain, "find_left", round, (size, grid))?.bind("warp_map", map);
+            find.bind("left_work", left).over_indirect(folds)?;
+            let take_back = self.step(chain, "take_back", round, (size, grid))?.bind("map_before", before);
+            take_back.bind("map_out", map).over_indirect(left)?;
+        }
         Ok(map)
     }
 
@@ -201,16 +214,41 @@ impl Warp {
         lines: &str,
         (round, size, grid): (u32, UVec2, UVec2),
         (walked, led): (BufferId, BufferId),
-        masses: Option<BufferId>,
+        (masses, needed): (Option<BufferId>, Option<BufferId>),
     ) -> Result<(), Diagnostic> {
         let Some(masses) = masses else { return Ok(()) };
         let (count, borders) = (chain.buffer(led).dims[0], chain.buffer(led).dims[1]);
         let meaning = "how much each line leads, and one over how much it is led";
         let leads = chain.make(&format!("leads_of_{lines}"), Elem::Vec2F32, &[count], "", meaning);
         let weigh = self.step(chain, &format!("weigh_{lines}"), round, (size, grid))?.bind("line_masses", masses);
-        weigh.bind("leads_out", leads).over(UVec2::new(count, 1))?;
+        over_lines(weigh.bind("leads_out", leads), needed, count)?;
         let lead = self.step(chain, &format!("lead_{lines}"), round, (size, grid))?.bind("line_leads", leads);
-        lead.bind("unled", walked).bind("led", led).over(UVec2::new(borders, 1))
+        over_lines(lead.bind("unled", walked).bind("led", led), needed, borders)
+    }
+
+    /// Finds out whether a round is needed: the workgroups that go over its lines.
+    fn judge(
+        &self,
+        chain: &mut Chain,
+        round: u32,
+        (size, grid): (UVec2, UVec2),
+        (along, down): (BufferId, BufferId),
+    ) -> Result<Option<BufferId>, Diagnostic> {
+        if self.until == 0.0 {
+            return Ok(None);
+        }
+        let meaning = "after each round but the last, by how much what is missing is spread, in octaves";
+        let residual = match chain.find("warp_residual") {
+            Some(residual) if round > 1 => residual,
+            _ => chain.make("warp_residual", Elem::F32, &[self.rounds - 1], "", meaning),
+        };
+        let surveys = chain.make("row_survey", Elem::F32, &[size.y, SURVEYED], "", "what is missing in each row, as sums");
+        let work = chain.make("round_work", Elem::U32, &[3], "", "workgroups along x, y, z that walk lines");
+        let survey = self.step(chain, "survey", round, (size, grid))?.bind("missing_along", along);
+        survey.bind("missing_down", down).bind("survey_out", surveys).over(UVec2::new(size.y, 1))?;
+        let judge = self.step(chain, "judge", round, (size, grid))?.bind("surveys", surveys);
+        judge.bind("round_work", work).bind("residual", residual).over(UVec2::ONE)?;
+        Ok(Some(work))
     }
 
     /// How much less a line counts for the next one than for itself.
@@ -248,28 +286,48 @@ impl Warp {
             .constant("COMPENSATED", f64::from(self.sums == Sums::Compensated))
             .constant("HAS_MAP", f64::from(round > 0))
             .constant("LED", f64::from(self.lead > 0.0))
+            .constant("MAY_END", f64::from(round > 0 && self.until > 0.0))
             .set("size", size.to_array())
             .set("grid", grid.to_array())
             .set("uniform_share", self.uniform_share as f32)
+            .set("round", round)
+            .set("until", self.until as f32)
             // (a row counts for those over and under it)
             .set("decay", [self.decay(size.y), self.decay(size.x)]))
     }
 }
 
-/// What is done about folds of the grid itself.
+/// Numbers that are left for each row; `SURVEYED` of the kernel.
+const SURVEYED: u32 = 6;
+
+/// A thread for each line, or none if a round is not needed.
+fn over_lines(step: StepBuilder, needed: Option<BufferId>, lines: u32) -> Result<(), Diagnostic> {
+    match needed {
+        Some(work) => step.over_indirect(work),
+        None => step.over(UVec2::new(lines, 1)),
+    }
+}
+
+/// What is done about folds.
 struct GridWork {
     /// Workgroups that look at its cells, if a round has folded anything, and how much of the warp keeps all of them convex.
     cells: BufferId,
     /// The same, if any of them is folded.
     folded: BufferId,
+    /// How often each corner of the map gave way.
+    gave_way: BufferId,
 }
 
 impl GridWork {
-    fn new(chain: &mut Chain) -> Self {
+    fn new(chain: &mut Chain, size: UVec2) -> Self {
         let work = "workgroups along x, y, z that look after folds of the grid";
         let meaning = format!("{work}; how much of the warp keeps every cell convex, as the bits of an f32");
         let cells = chain.make("grid_work", Elem::U32, &[4], "", &meaning);
-        Self { cells, folded: chain.make("left_work", Elem::U32, &[3], "", work) }
+        let folded = chain.make("left_work", Elem::U32, &[3], "", work);
+        let meaning = "how often each corner of the map gave way to a fold";
+        let gave_way = chain.make("warp_gave_way", Elem::U32, &[size.y + 1, size.x + 1], "", meaning);
+        chain.set_spread(gave_way, Spread::UnitSquareCorners);
+        Self { cells, folded, gave_way }
     }
 }
 

@@ -9,19 +9,38 @@ impl Reference for Warp {
         let importance = Map::of(buffers.get("importance")?.as_ref());
         let mut map = importance.identity();
         let mut last = None;
-        let mut gave_way = Values::missing(&[0, 0], 1);
+        let corners = [importance.size.y + 1, importance.size.x + 1];
+        let mut gave_way = Values::exact(&corners, 1, vec![0.0; (corners[0] * corners[1]) as usize]);
+        let mut residual = Values::missing(&[self.rounds.max(2) - 1], 1);
+        let mut is_open = false;
         // there were folds, or there may have been
         let mut folds = (false, false);
         for round in 0..self.rounds {
             let missing = (round > 0).then(|| importance.missing(&map));
             let [along, down] = missing.as_ref().map_or([&importance; 2], |missing| missing.each_ref());
+            if round > 0 && self.until > 0.0 {
+                let (spread, off) = spread(along, down);
+                residual.set(round as usize - 1, spread, off);
+                // whether this round is needed may hang on rounding
+                is_open |= (spread - self.until).abs() <= off + EPSILON * self.until;
+                if spread < self.until {
+                    for _ in 0..RELAXATIONS {
+                        map = map.relaxed(&mut gave_way);
+                    }
+                    // no line is walked
+                    last = None;
+                    continue;
+                }
+            }
             let rows = self.lines((0..along.size.y).map(|row| along.row(row)).collect());
             let columns = self.lines((0..down.size.x).map(|column| down.warped_column(column, &rows)).collect());
-            map = map.composed(&rows, &columns);
-            gave_way = Values::missing(&[along.size.y + 1, along.size.x + 1], 1);
-            (0..map.corners.len()).for_each(|at| gave_way.set(at, 0.0, 0.0));
+            let before = map;
+            map = before.composed(&rows, &columns);
             for _ in 0..RELAXATIONS {
                 map = map.relaxed(&mut gave_way);
+            }
+            if round > 0 {
+                map.taken_back_if_folded(before);
             }
             folds.0 |= gave_way.value.iter().any(|&times| times > 0.0);
             folds.1 |= gave_way.bound.iter().any(|&times| times > 0.0);
@@ -29,12 +48,6 @@ impl Reference for Warp {
         }
         let points = buffers.get("grid_point")?;
         let share = map.of_points(&points).share(folds);
-        if let Some((rows, columns)) = last {
-            buffers.put("warp_rows", lines(&rows));
-            buffers.put("warp_columns", lines(&columns));
-        }
-        buffers.put("warp_map", map.values());
-        buffers.put("warp_gave_way", gave_way);
         let mut warped = Values::missing(&points.dims, 2);
         for at in (0..points.value.len()).step_by(2) {
             let place = DVec2::new(points.value[at], points.value[at + 1]);
@@ -44,7 +57,23 @@ impl Reference for Warp {
             warped.set(at, there.x, off + share.1 * (goal.x - place.x).abs());
             warped.set(at + 1, there.y, off + share.1 * (goal.y - place.y).abs());
         }
-        buffers.put("grid_point", warped);
+        let mut made = vec![("warp_map", map.values()), ("warp_gave_way", gave_way), ("grid_point", warped)];
+        if let Some((rows, columns)) = &last {
+            made.extend([("warp_rows", lines(rows)), ("warp_columns", lines(columns))]);
+        } else {
+            let missing = |lines: u32, borders: u32| Values::missing(&[lines, borders + 1], 1);
+            let size = importance.size;
+            made.extend([("warp_rows", missing(size.y, size.x)), ("warp_columns", missing(size.x, size.y))]);
+        }
+        if self.until > 0.0 {
+            made.push(("warp_residual", residual));
+        }
+        for (name, mut values) in made {
+            if is_open {
+                values.bound.fill(f64::INFINITY);
+            }
+            buffers.put(name, values);
+        }
         Ok(())
     }
 }
@@ -118,6 +147,36 @@ impl Warp {
         };
         Line { places: (0..=count).map(place_and_bound).collect() }
     }
+}
+
+/// By how much what is missing is spread, in octaves: the root of the variances of its logarithms along rows and down columns, weighted by
+/// demand; and the bound of that.
+fn spread(along: &Map, down: &Map) -> (f64, f64) {
+    let cells = || along.weights.iter().zip(&down.weights).filter(|(along, down)| along.0 > 0.0 && down.0 > 0.0);
+    let largest = cells().map(|(along, down)| along.0.max(down.0)).fold(1e-37, f64::max);
+    let demand = |along: &(f64, f64), down: &(f64, f64)| along.0 / largest * (down.0 / largest);
+    let all: f64 = cells().map(|(along, down)| demand(along, down)).sum();
+    if all == 0.0 {
+        return (0.0, 0.0);
+    }
+    let mean = |of: &dyn Fn(&(f64, f64), &(f64, f64)) -> f64| {
+        cells().map(|(along, down)| of(along, down) * demand(along, down)).sum::<f64>() / all
+    };
+    let means = [mean(&|along, _| along.0.log2()), mean(&|_, down| down.0.log2())];
+    let variance =
+        mean(&|along, down| (along.0.log2() - means[0]).powi(2) + (down.0.log2() - means[1]).powi(2));
+    // what either is off by shifts its logarithm and its demand; sums in f32 lose a rounding a term, of squares that are as large as these
+    let relative = |(value, bound): &(f64, f64)| bound / value;
+    let squares = mean(&|along, down| along.0.log2().powi(2) + down.0.log2().powi(2));
+    let terms = f64::from(along.size.x + along.size.y) + 16.0;
+    let off = mean(&|along, down| {
+        let spread = (along.0.log2() - means[0]).abs() + (down.0.log2() - means[1]).abs();
+        let off = relative(along) + relative(down) + 2e-6;
+        off * (3.0 * spread + 2.0 * spread * spread)
+    });
+    let off = 2.0 * off + 2.0 * terms * EPSILON * squares;
+    let spread = variance.sqrt();
+    (spread, (variance + off).sqrt() - (variance - off).max(0.0).sqrt() + 8.0 * EPSILON * spread)
 }
 
 /// The least that a line leads, as a share of what one with a single weight as large as any does; `LEAST_LEAD` of the kernel.
@@ -361,6 +420,26 @@ impl Corners {
         Corners { size: self.size, corners: places.map(corner).collect() }
     }
 
+    /// All corners where they were before, if a cell is still folded.
+    fn taken_back_if_folded(&mut self, before: Corners) {
+        let (low, high) = self.least_of_all();
+        if high < LEAST {
+            *self = before;
+        } else if low < LEAST {
+            // either may be right
+            for (own, before) in self.corners.iter_mut().zip(&before.corners) {
+                own.1 = own.1.max((own.0 - before.0).abs().max_element() + before.1);
+            }
+        }
+    }
+
+    /// The least sine of all cells: what it may be, from and to, but no more than 1.
+    fn least_of_all(&self) -> (f64, f64) {
+        let cells = (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (x, y)));
+        let sines = cells.map(|(x, y)| self.least_sine(x, y));
+        sines.fold((1.0f64, 1.0f64), |least, sine| (least.0.min(sine.0), least.1.min(sine.1)))
+    }
+
     /// Of the four corners of a cell, the least sine: what it may be, from and to.
     fn least_sine(&self, x: u32, y: u32) -> (f64, f64) {
         let [nw, ne, sw, se] = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| self.corner(x, y));
@@ -382,9 +461,7 @@ impl Corners {
 
     /// How much of the warp these points of a grid go, with a bound: all of it if no round has folded anything and no cell folds.
     fn share(&self, (folds, may_fold): (bool, bool)) -> (f64, f64) {
-        let sines =
-            (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| (x, y))).map(|(x, y)| self.least_sine(x, y));
-        let (low, high) = sines.fold((1.0f64, 1.0f64), |least, sine| (least.0.min(sine.0), least.1.min(sine.1)));
+        let (low, high) = self.least_of_all();
         if !(folds || may_fold) || low >= LEAST {
             return (1.0, 1e-6);
         }
