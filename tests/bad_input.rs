@@ -108,6 +108,10 @@ fn ron_cases() -> Vec<Case> {
             "wrong type in a stage",
             experiment("[HeightPyramid, RayCast]", "[HeightPyramid(max_level: \"all\"), RayCast]"),
         ),
+        case(
+            "a sketch map without the levels that it needs",
+            experiment("[HeightPyramid, RayCast]", "[HeightPyramid(max_level: 1), SketchMap(texels: 8), SketchImportance]"),
+        ),
         case("unknown value of a stage", experiment("Project,", "Project(filter: Sharp),")),
         case("unknown measure", experiment("[ScreenError, Time]", "[ScreenErorr, Time]")),
         case("zero viewport", experiment("(64, 48)", "(0, 48)")),

@@ -16,8 +16,8 @@ struct Params {
     decay: vec2<f32>,
     /// Rounds before this one.
     round: u32,
-    /// A round begins only if what is missing is spread by this much, in octaves.
-    until: f32,
+    /// A third round begins only if the second has lowered the spread of what is missing by this share, and so on.
+    least_gain: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -365,6 +365,9 @@ fn survey(@builtin(global_invocation_id) id: vec3<u32>) {
     survey_out[at + 5u] = sums.w;
 }
 
+/// What is spread by less than this, in octaves, is left as it is.
+const LEAST_SPREAD: f32 = 0.1;
+
 /// The spread of what is missing: root of the variances of its logarithms, along rows and down columns, by demand. Nothing is spread if
 /// every cell has what is asked for, up to one factor.
 @compute @workgroup_size(1)
@@ -385,7 +388,11 @@ fn judge() {
     let variances = max(means.zw - means.xy * means.xy, vec2(0.0));
     let spread = sqrt(variances.x + variances.y);
     residual[params.round - 1u] = spread;
-    round_work[0] = select(0u, (max(params.size.x, params.size.y) + 64u) / 64u, spread >= params.until && demand > 0.0);
+    var is_needed = spread >= LEAST_SPREAD;
+    if params.round > 1u {
+        is_needed = is_needed && spread <= (1.0 - params.least_gain) * residual[params.round - 2u];
+    }
+    round_work[0] = select(0u, (max(params.size.x, params.size.y) + 64u) / 64u, is_needed);
     round_work[1] = 1u;
     round_work[2] = 1u;
 }

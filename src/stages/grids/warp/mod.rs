@@ -23,14 +23,11 @@ pub const INFO: Info = Info {
     read: read_as::<Warp>,
     examples: &[
         Example::new(
-            "[ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1)]",
+            "[ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, least_gain: 0, uniform_share: 0.1)]",
         ),
-        Example::new("[ViewGrid(size: (19, 21)), AspectImportance(size: (9, 12)), Warp(rounds: 2, lead: 0)]")
+        Example::new("[ViewGrid(size: (19, 21)), AspectImportance(size: (9, 12)), Warp(rounds: 2, least_gain: 0, lead: 0)]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
-        Example::new("[ViewGrid(size: (12, 14)), AspectImportance(size: (11, 13)), Warp(rounds: 2, until: 0.1)]")
-            .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
-        // a round that is never needed
-        Example::new("[ViewGrid(size: (9, 8)), AspectImportance(size: (7, 9)), Warp(rounds: 2, until: 8)]")
+        Example::new("[ViewGrid(size: (12, 14)), AspectImportance(size: (11, 13)), Warp(rounds: 2)]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
         Example::new("[ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
@@ -47,10 +44,10 @@ pub struct Warp {
     /// how often rows and columns are warped; each further round gives what the rounds before have left missing
     #[schemars(range(min = 1, max = 8))]
     rounds: u32,
-    /// a further round begins only if what is missing is spread by at least this much over the map, in octaves of density (root of the
-    /// variances along rows and down columns, by demand)
-    #[schemars(range(min = 0))]
-    until: f64,
+    /// a further round begins only if the one before has lowered the spread of what is missing by at least this share, and if it is spread
+    /// by more than a tenth of an octave (root of the variances of the logarithms along rows and down columns, by demand); 0 is always
+    #[schemars(range(min = 0, max = 1))]
+    least_gain: f64,
     /// share of the points that importance does not move: 0 is none, 1 is all
     #[schemars(range(min = 0, max = 1))]
     uniform_share: f64,
@@ -72,7 +69,7 @@ enum Sums {
 
 impl Default for Warp {
     fn default() -> Self {
-        Self { rounds: 1, until: 0.0, uniform_share: 0.0, lead: 0.1, sums: Sums::Compensated }
+        Self { rounds: 1, least_gain: 0.02, uniform_share: 0.0, lead: 0.1, sums: Sums::Compensated }
     }
 }
 
@@ -234,7 +231,7 @@ impl Warp {
         (size, grid): (UVec2, UVec2),
         (along, down): (BufferId, BufferId),
     ) -> Result<Option<BufferId>, Diagnostic> {
-        if self.until == 0.0 {
+        if self.least_gain == 0.0 {
             return Ok(None);
         }
         let meaning = "after each round but the last, by how much what is missing is spread, in octaves";
@@ -286,12 +283,12 @@ impl Warp {
             .constant("COMPENSATED", f64::from(self.sums == Sums::Compensated))
             .constant("HAS_MAP", f64::from(round > 0))
             .constant("LED", f64::from(self.lead > 0.0))
-            .constant("MAY_END", f64::from(round > 0 && self.until > 0.0))
+            .constant("MAY_END", f64::from(round > 0 && self.least_gain > 0.0))
             .set("size", size.to_array())
             .set("grid", grid.to_array())
             .set("uniform_share", self.uniform_share as f32)
             .set("round", round)
-            .set("until", self.until as f32)
+            .set("least_gain", self.least_gain as f32)
             // (a row counts for those over and under it)
             .set("decay", [self.decay(size.y), self.decay(size.x)]))
     }

@@ -11,19 +11,19 @@ impl Reference for Warp {
         let mut last = None;
         let corners = [importance.size.y + 1, importance.size.x + 1];
         let mut gave_way = Values::exact(&corners, 1, vec![0.0; (corners[0] * corners[1]) as usize]);
-        let mut residual = Values::missing(&[self.rounds.max(2) - 1], 1);
+        let mut spreads: Vec<(f64, f64)> = Vec::new();
         let mut is_open = false;
         // there were folds, or there may have been
         let mut folds = (false, false);
         for round in 0..self.rounds {
             let missing = (round > 0).then(|| importance.missing(&map));
             let [along, down] = missing.as_ref().map_or([&importance; 2], |missing| missing.each_ref());
-            if round > 0 && self.until > 0.0 {
+            if round > 0 && self.least_gain > 0.0 {
                 let (spread, off) = spread(along, down);
-                residual.set(round as usize - 1, spread, off);
-                // whether this round is needed may hang on rounding
-                is_open |= (spread - self.until).abs() <= off + EPSILON * self.until;
-                if spread < self.until {
+                let (needed, is_known) = self.is_needed((spread, off), spreads.last().copied());
+                spreads.push((spread, off));
+                is_open |= !is_known;
+                if !needed {
                     for _ in 0..RELAXATIONS {
                         map = map.relaxed(&mut gave_way);
                     }
@@ -65,7 +65,9 @@ impl Reference for Warp {
             let size = importance.size;
             made.extend([("warp_rows", missing(size.y, size.x)), ("warp_columns", missing(size.x, size.y))]);
         }
-        if self.until > 0.0 {
+        if !spreads.is_empty() {
+            let mut residual = Values::missing(&[spreads.len() as u32], 1);
+            spreads.iter().enumerate().for_each(|(at, &(spread, off))| residual.set(at, spread, off));
             made.push(("warp_residual", residual));
         }
         for (name, mut values) in made {
@@ -105,12 +107,23 @@ impl Warp {
                 let off = |(line, (share, off)): (&Line, &(f64, f64))| {
                     share / all * (of(line).1 + off * (of(line).0 - mean).abs())
                 };
-                // twice, since shares are off together with their sum
-                (mean, 2.0 * lines.iter().zip(&shares).map(off).sum::<f64>() + 8.0 * EPSILON)
+                // twice, since shares are off together with their sum; and everything is between 0 and 1
+                (mean, (2.0 * lines.iter().zip(&shares).map(off).sum::<f64>() + 8.0 * EPSILON).min(1.0))
             };
             Line { places: (0..lines[at].places.len()).map(border).collect() }
         };
         (0..lines.len()).map(led).collect()
+    }
+
+    /// Whether a round is needed, with what is missing spread by so much, and before the last round by so much; and whether rounding cannot
+    /// change the answer.
+    fn is_needed(&self, (spread, off): (f64, f64), before: Option<(f64, f64)>) -> (bool, bool) {
+        let keep = 1.0 - self.least_gain;
+        let (limit, off_limit) = before.map_or((f64::INFINITY, 0.0), |(before, off)| (keep * before, keep * off));
+        let off = off + 4.0 * EPSILON * spread;
+        let is_not = spread + off < LEAST_SPREAD || spread - off > limit + off_limit;
+        let is_surely = spread - off > LEAST_SPREAD && spread + off < limit - off_limit;
+        (spread >= LEAST_SPREAD && spread <= limit, is_not || is_surely)
     }
 
     /// The warp of one line of weights (value, bound).
@@ -148,6 +161,9 @@ impl Warp {
         Line { places: (0..=count).map(place_and_bound).collect() }
     }
 }
+
+/// What is spread by less than this, in octaves, is left as it is; `LEAST_SPREAD` of the kernel.
+const LEAST_SPREAD: f64 = 0.1;
 
 /// By how much what is missing is spread, in octaves: the root of the variances of its logarithms along rows and down columns, weighted by
 /// demand; and the bound of that.
@@ -255,13 +271,11 @@ impl Map {
         let (value, bound) = mix(north, south, w.y);
         // over `off` the value moves between those of the cells that it may be in
         let (mut least, mut most) = (value, value);
-        let reach = (off * self.size.max_element() as f64).ceil().min(8192.0) as i64;
-        for y in i64::from(low.y) - reach..=i64::from(high.y) + reach {
-            for x in i64::from(low.x) - reach..=i64::from(high.x) + reach {
-                let inside = |at: i64, side: u32| at.clamp(0, i64::from(side) - 1) as u32;
-                let (near, _) = self.weight(inside(x, self.size.x), inside(y, self.size.y));
-                (least, most) = (least.min(near), most.max(near));
-            }
+        let reach = UVec2::splat((off * self.size.max_element() as f64).ceil().min(8192.0) as u32);
+        let (first, end) = (low.saturating_sub(reach), (high + reach).min(self.size - 1));
+        for (y, x) in (first.y..=end.y).flat_map(|y| (first.x..=end.x).map(move |x| (y, x))) {
+            let (near, _) = self.weight(x, y);
+            (least, most) = (least.min(near), most.max(near));
         }
         let cells = off * f64::from(self.size.max_element());
         let slope = (most - least) * (2.0 * cells).min(1.0);
