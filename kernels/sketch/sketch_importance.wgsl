@@ -1,7 +1,7 @@
 //!include lib/sketch.wgsl
 //!include lib/view.wgsl
 // Importance of the texels of a sketch map: how many grid points a metre are wanted there (Dachsbacher, Stamminger 2004, section 3.1),
-// I = min(Iv Sf Sb, Is).
+// I = min(Iv Sf Sb, Is); beyond the paper also by what the sketch map hides, So.
 
 struct Params {
     terrain: Terrain,
@@ -15,6 +15,9 @@ struct Params {
     /// Sine of the angle by which ground may face away and still be a silhouette, and of that over which importance then fades.
     silhouette: f32,
     fade: f32,
+    /// Slope by which the way to the eye may go under ground and still be open, and that over which importance then fades.
+    clear: f32,
+    hidden: f32,
     /// The most grid points a metre.
     densest: f32,
     /// Least importance, as a share of the largest.
@@ -26,12 +29,13 @@ struct Params {
 @group(0) @binding(2) var<storage, read> sketch_height: array<f32>;
 @group(0) @binding(3) var<storage, read_write> largest: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> importance: array<f32>;
-/// The four of them: by distance, in the picture, facing the eye, the most.
+/// The four of them: by distance, in the picture, seen from the eye (facing it and not hidden), the most.
 @group(0) @binding(5) var<storage, read_write> factors: array<vec4<f32>>;
 
 override DISTANCE: bool = true;
 override FRUSTUM: bool = true;
 override FACING: bool = true;
+override OCCLUSION: bool = false;
 override HAS_FLOOR: bool = true;
 override WRITE_FACTORS: bool = false;
 
@@ -60,6 +64,31 @@ fn facing(texel: vec2<i32>, place_m: vec3<f32>, away_m: f32, sides_m: vec2<f32>)
     let south = (height_of(texel + vec2(0, 1)) - height_of(texel - vec2(0, 1))) / (2.0 * sides_m.y);
     let up = vec3(-east, south, 1.0);
     return fading(dot(up, place_m) / (length(up) * away_m) - params.silhouette, params.fade);
+}
+
+/// Height between texels, bilinear.
+fn height_between(at: vec2<f32>) -> f32 {
+    let low = vec2<i32>(floor(at));
+    let w = at - floor(at);
+    let north = mix(height_of(low), height_of(low + vec2(1, 0)), w.x);
+    return mix(north, mix(height_of(low + vec2(0, 1)), height_of(low + vec2(1, 1)), w.x), w.y);
+}
+
+/// How much is left of the importance of ground that other ground hides: the steepest slope, seen from the eye, on the way to the texel is
+/// compared with the texel's own. The way is looked at once a texel.
+fn unhidden(texel: vec2<i32>, place_m: vec3<f32>, sides_m: vec2<f32>) -> f32 {
+    let way = vec2(place_m.x, -place_m.y) / sides_m;
+    let texels = max(abs(way.x), abs(way.y));
+    let step = way / max(texels, 1.0);
+    var steepest = -1e30;
+    // nothing within a texel of the eye hides anything
+    for (var i = 1.0; i < texels - 1.0; i += 1.0) {
+        let height_m = relative_height(params.terrain, height_between(vec2<f32>(texel) - i * step));
+        steepest = max(steepest, height_m / (1.0 - i / texels));
+    }
+    // slopes for the texel's whole distance, and what is left when they are divided by it
+    let excess = (steepest - place_m.z) / max(length(place_m.xy), 0.5 * min(sides_m.x, sides_m.y));
+    return fading(excess - params.clear, params.hidden);
 }
 
 @compute @workgroup_size(1)
@@ -92,6 +121,9 @@ fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     if FACING {
         found.z = facing(texel, place_m, away_m, sides_m);
+    }
+    if OCCLUSION {
+        found.z *= unhidden(texel, place_m, sides_m);
     }
     // where there is no terrain, nothing is wanted
     if any(first < vec2(0)) || any(first >= vec2<i32>(params.terrain.size)) {

@@ -13,7 +13,7 @@ use crate::stages::{Example, Info, Stage, read_as};
 pub const INFO: Info = Info {
     name: "SketchImportance",
     summary: "importance of the texels of a sketch map: how many grid points a metre are wanted there",
-    formula: "I = max(min(Iv Sf Sb, Is), floor max I); Iv = focal_px / (quad_px d), Sf and Sb = 1 - smoothstep beside the picture and where ground faces away",
+    formula: "I = max(min(Iv Sf Sb, Is), floor max I); Iv = focal_px / (quad_px d), Sf, Sb (and So) = 1 - smoothstep beside the picture, where ground faces away (and where it is hidden)",
     source: "Dachsbacher, Stamminger 2004, section 3.1 (which writes Iv = C / d: there a larger C makes smaller quads)",
     reads: &["sketch_square", "sketch_height"],
     writes: &["importance", "importance_factors"],
@@ -23,6 +23,10 @@ pub const INFO: Info = Info {
         Example::new("[HeightPyramid, SketchMap(texels: 9), SketchImportance]").in_benches(&[("SketchMap.texels", "128")]),
         Example::new(
             "[HeightPyramid, SketchMap(texels: 7), SketchImportance(distance: false, facing: false, safety_deg: 20, floor: 0)]",
+        )
+        .in_benches(&[("SketchMap.texels", "128")]),
+        Example::new(
+            "[HeightPyramid, SketchMap(texels: 10), SketchImportance(facing: false, occlusion: true, clear_deg: 2, hidden_deg: 10)]",
         )
         .in_benches(&[("SketchMap.texels", "128")]),
         Example::new("[HeightPyramid, SketchMap(texels: 8), SketchImportance(frustum: false, densest_per_m: 0.002)]")
@@ -52,6 +56,14 @@ pub struct SketchImportance {
     /// angle beyond that over which importance fades to nothing
     #[schemars(range(min = 0, max = 45))]
     fade_deg: f64,
+    /// ground that other ground hides is of no importance, as far as the sketch map knows (beyond the paper)
+    occlusion: bool,
+    /// angle by which other ground may stand over a texel and still not hide it
+    #[schemars(range(min = 0, max = 45))]
+    clear_deg: f64,
+    /// angle beyond that over which importance fades to nothing
+    #[schemars(range(min = 0, max = 45))]
+    hidden_deg: f64,
     /// the most grid points a metre, whatever the view; None is any number
     #[schemars(extend("exclusiveMinimum" = 0))]
     densest_per_m: Option<f64>,
@@ -70,6 +82,9 @@ impl Default for SketchImportance {
             facing: true,
             silhouette_deg: 10.0,
             fade_deg: 20.0,
+            occlusion: false,
+            clear_deg: 0.5,
+            hidden_deg: 1.0,
             densest_per_m: None,
             floor: 0.02,
         }
@@ -86,6 +101,11 @@ impl SketchImportance {
 /// The sine over which something fades: never nothing, so that nobody divides by it.
 fn width(degrees: f64) -> f64 {
     degrees.to_radians().sin().max(1e-6)
+}
+
+/// The slope over which something fades, likewise.
+fn slope(degrees: f64) -> f64 {
+    degrees.to_radians().tan().max(1e-6)
 }
 
 /// Texels along a side of a sketch map, of which a stage needs heights and square.
@@ -107,7 +127,7 @@ impl Stage for SketchImportance {
             id
         };
         let importance = make("importance", Elem::F32, "1/m", "grid points a metre that are wanted");
-        let meaning = "what importance is made of: Iv by distance, Sf in the picture, Sb facing the eye, Is the most";
+        let meaning = "what importance is made of: Iv by distance, Sf in the picture, Sb So facing the eye and not hidden, Is the most";
         let factors = make("importance_factors", Elem::Vec4F32, "", meaning);
         let has_floor = self.floor > 0.0;
         let meaning = "the largest importance, as the bits of an f32";
@@ -141,12 +161,15 @@ impl SketchImportance {
             .constant("DISTANCE", f64::from(self.distance))
             .constant("FRUSTUM", f64::from(self.frustum))
             .constant("FACING", f64::from(self.facing))
+            .constant("OCCLUSION", f64::from(self.occlusion))
             .constant("HAS_FLOOR", f64::from(self.floor > 0.0))
             .set("texels", texels)
             .set("quad_px", self.quad_px as f32)
             .set("safety", width(self.safety_deg) as f32)
             .set("silhouette", self.silhouette_deg.to_radians().sin() as f32)
             .set("fade", width(self.fade_deg) as f32)
+            .set("clear", self.clear_deg.to_radians().tan() as f32)
+            .set("hidden", slope(self.hidden_deg) as f32)
             .set("densest", self.densest() as f32)
             .set("floor", self.floor as f32))
     }

@@ -1,6 +1,6 @@
 use glam::{DVec2, DVec3, IVec2};
 
-use super::{SketchImportance, width};
+use super::{SketchImportance, slope, width};
 use crate::frame::view::sides;
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::rounding::EPSILON;
@@ -19,8 +19,8 @@ impl Reference for SketchImportance {
             let found = self.factors(&map, IVec2::new(x as i32, y as i32));
             let of_view = product(product(found[0], found[1]), found[2]);
             let most = found[3];
-            // the smaller of two is no further off than both are
-            importance.set(at, of_view.0.min(most.0), of_view.1.max(most.1));
+            let least = |off: f64| (of_view.0 + off * of_view.1).min(most.0 + off * most.1);
+            importance.set(at, least(0.0), (least(1.0) - least(0.0)).max(least(0.0) - least(-1.0)));
             found.into_iter().enumerate().for_each(|(part, (value, bound))| factors.set(4 * at + part, value, bound));
         }
         if self.floor > 0.0 {
@@ -61,6 +61,22 @@ impl Map<'_> {
         let texel = texel.clamp(IVec2::ZERO, IVec2::splat(texels - 1));
         let at = (texel.y * texels + texel.x) as usize;
         (self.heights.value[at], self.heights.bound[at])
+    }
+
+    /// Bilinear between texels, and its bound for a place that is off by `off` texels.
+    fn height_between(&self, at: DVec2, off: f64) -> (f64, f64) {
+        let low = at.floor();
+        let w = at - low;
+        let height = |x: f64, y: f64| self.height_m((low + DVec2::new(x, y)).as_ivec2());
+        let four = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)].map(|(x, y)| height(x, y));
+        let between = |a: f64, b: f64, w: f64| a + (b - a) * w;
+        let value = between(between(four[0].0, four[1].0, w.x), between(four[2].0, four[3].0, w.x), w.y);
+        let around = (-1..=2).flat_map(|y| (-1..=2).map(move |x| height(f64::from(x), f64::from(y))));
+        let (least, most, bound) = around.fold((f64::MAX, f64::MIN, 0.0f64), |(least, most, bound), (height, off)| {
+            (least.min(height), most.max(height), bound.max(off))
+        });
+        // the steepest slope around
+        (value, bound + 2.0 * (most - least) * off.min(1.0) + 8.0 * EPSILON * least.abs().max(most.abs()))
     }
 
     fn sides_m(&self) -> DVec2 {
@@ -119,7 +135,46 @@ impl SketchImportance {
             true => self.facing(map, texel, (place_m, off_m), away_m),
             false => (1.0, 0.0),
         };
-        [of_distance, in_picture, to_eye, (self.densest(), EPSILON * self.densest())]
+        let seen = match self.occlusion {
+            true => product(to_eye, self.unhidden(map, texel, (place_m, off_m))),
+            false => to_eye,
+        };
+        [of_distance, in_picture, seen, (self.densest(), EPSILON * self.densest())]
+    }
+
+    /// How much is left of the importance of ground that other ground hides.
+    fn unhidden(&self, map: &Map, texel: IVec2, (place_m, off_m): (DVec3, f64)) -> (f64, f64) {
+        let (sides_m, eye_height_m) = (map.sides_m(), map.frame.camera.eye_m.z);
+        let way = DVec2::new(place_m.x, -place_m.y) / sides_m;
+        let texels = way.abs().max_element();
+        let step = way / texels.max(1.0);
+        // the way is as uncertain as the place, and its parts are products
+        let off_texels = off_m / sides_m.min_element() + 8.0 * EPSILON * (texels + f64::from(map.heights.dims[0]));
+        let (mut low, mut steepest, mut high) = (-1e30f64, -1e30f64, -1e30f64);
+        let mut i = 1.0;
+        while i < texels - 1.0 + off_texels {
+            let (height_m, off_m) = map.height_between(texel.as_dvec2() - i * step, off_texels);
+            let share = 1.0 - i / texels;
+            let at_texel = (height_m - eye_height_m) / share;
+            let off = (off_m + 4.0 * EPSILON * (height_m - eye_height_m).abs()) / share
+                + at_texel.abs() * (8.0 * EPSILON + off_texels / texels) / share;
+            high = high.max(at_texel + off);
+            // the last ones may or may not count
+            if i < texels - 1.0 - off_texels {
+                low = low.max(at_texel - off);
+            }
+            if i < texels - 1.0 {
+                steepest = steepest.max(at_texel);
+            }
+            i += 1.0;
+        }
+        let away_m = place_m.truncate().length().max(0.5 * sides_m.min_element());
+        let clear = self.clear_deg.to_radians().tan();
+        let excess = |steepest: f64| (steepest - place_m.z) / away_m - clear;
+        let [low, at, high] = [low, steepest, high].map(excess);
+        let off = (2.0 * off_m / away_m + 16.0 * EPSILON) * (1.0 + at.abs()) + EPSILON * clear;
+        let off = off + (at - low).max(high - at);
+        fading((at, if off.is_finite() { off } else { 1e30 }), slope(self.hidden_deg))
     }
 
     fn facing(&self, map: &Map, texel: IVec2, (place_m, off_m): (DVec3, f64), away_m: f64) -> (f64, f64) {
