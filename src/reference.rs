@@ -208,7 +208,8 @@ pub struct Difference {
 
 impl Difference {
     fn add(&mut self, ours: f64, value: f64, bound: f64) {
-        if bound.is_infinite() {
+        // (nothing times infinity is no number, and says as little)
+        if !bound.is_finite() {
             self.undecided += 1;
             return;
         }

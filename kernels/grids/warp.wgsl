@@ -18,6 +18,8 @@ struct Params {
     round: u32,
     /// A third round begins only if the second has lowered the spread of what is missing by this share, and so on.
     least_gain: f32,
+    /// 0, which no compiler knows.
+    nothing: u32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -119,7 +121,8 @@ fn weight_of(line: u32, at: u32, is_column: bool) -> f32 {
 
 /// A sum and what its roundings took away (Neumaier 1974).
 fn add(sum: vec2<f32>, value: f32) -> vec2<f32> {
-    let next = sum.x + value;
+    // a compiler may take what is lost for the nothing that it is in real numbers (NVIDIA's does) unless it cannot know the sum
+    let next = bitcast<f32>(bitcast<u32>(sum.x + value) | params.nothing);
     if !COMPENSATED {
         return vec2(next, 0.0);
     }

@@ -288,6 +288,7 @@ impl Warp {
             .set("grid", grid.to_array())
             .set("uniform_share", self.uniform_share as f32)
             .set("round", round)
+            .set("nothing", 0u32)
             .set("least_gain", self.least_gain as f32)
             // (a row counts for those over and under it)
             .set("decay", [self.decay(size.y), self.decay(size.x)]))

@@ -24,7 +24,7 @@ pub const INFO: Info = Info {
     read: read_as::<RayFill>,
     examples: &[
         Example::new(
-            "[HeightPyramid, ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, uniform_share: 0.1), \
+            "[HeightPyramid, ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, least_gain: 0, uniform_share: 0.1), \
              Project, GridError(threshold_px: 0.5), Rasterize, Compact, RayFill]",
         )
         .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)"), ("GridError.threshold_px", "1")]),
