@@ -208,8 +208,7 @@ pub struct Difference {
 
 impl Difference {
     fn add(&mut self, ours: f64, value: f64, bound: f64) {
-        // (nothing times infinity is no number, and says as little)
-        if !bound.is_finite() {
+        if bound.is_infinite() {
             self.undecided += 1;
             return;
         }

@@ -191,3 +191,81 @@ fn a_round_that_is_not_needed_changes_nothing() {
     assert_ne!(points(&ended), points(&warp("rounds: 1")));
     assert_ne!(points(&ended), points(&warp("rounds: 3, least_gain: 0")));
 }
+
+/// What importance is made of, at a sample of a terrain that the map has in full.
+fn factors_at(ran: &Ran, sample: (i32, i32)) -> [f64; 4] {
+    let (corner, side, texels) = square(ran);
+    assert_eq!((side, texels), (1, 32));
+    let texel = IVec2::from(sample) - corner;
+    assert!(texel.min_element() >= 0 && texel.max_element() < 32, "sample {sample:?} is not in the map from {corner} on");
+    ran.read::<[f32; 4]>("importance_factors")[(texel.y * 32 + texel.x) as usize].map(f64::from)
+}
+
+/// Values that are known without either half of the stage: over a plane, from an eye whose place among the texels is known.
+#[test]
+fn importance_has_the_values_of_its_formulas() {
+    let gpu = Gpu::open(None).unwrap();
+    // 32 x 32 samples of 100 m in 32 texels; the eye stands over a sample, 1000 m up
+    let scene = |kind: &str, height_m: &str| {
+        format!(
+            "terrain: Shape(kind: {kind}, size: (32, 32), cell_m: 100, height_m: {height_m}), \
+             camera: Still(eye: (1500, 1500, 1000), look_at: (1500, 3000, 0)), viewport: (100, 100), fov_deg: 90"
+        )
+    };
+    let factors = |scene: &str, parameters: &str| {
+        let chain = format!("[HeightPyramid, SketchMap(texels: 32), SketchImportance(floor: 0, {parameters})]");
+        Ran::chain(&gpu, scene, &chain)
+    };
+    let whole = "frustum: false";
+    let flat = factors(&scene("Flat", "(0, 0)"), &format!("{whole}, quad_px: 4"));
+    // under the eye it is 1000 m away, and 50 pixels are as wide as they are far away; 1000 m to the east it is 1414 m
+    let [iv, sf, sb, _] = factors_at(&flat, (15, 16));
+    assert!((iv - 50.0 / (4.0 * 1000.0)).abs() < 1e-7 && (sf, sb) == (1.0, 1.0), "{iv} {sf} {sb}");
+    assert!((factors_at(&flat, (25, 16))[0] - 50.0 / (4.0 * 1414.2136)).abs() < 1e-7);
+    // a point a texel without distance
+    assert!((factors_at(&factors(&scene("Flat", "(0, 0)"), &format!("{whole}, distance: false")), (3, 3))[0] - 0.01).abs() < 1e-8);
+    // of a plane that rises to the east, all that is east of the eye faces it, at the border too; what is far in the west may not
+    let ramp = factors(&scene("Ramp", "(-2000, 1100)"), &format!("{whole}, silhouette_deg: 0, fade_deg: 5"));
+    assert!((15..32).all(|x| factors_at(&ramp, (x, 16))[2] == 1.0));
+    let [border, inside] = [(31, 16), (30, 16)].map(|at| factors_at(&ramp, at)[2]);
+    assert_eq!((border, inside), (1.0, 1.0));
+}
+
+/// A wall hides what is behind it and nothing before it, and from beside the terrain nothing hides what is in front.
+#[test]
+fn a_wall_hides_what_is_behind_it() {
+    let gpu = Gpu::open(None).unwrap();
+    // from the 17th column on, ground is 300 m high
+    let seen = |eye: &str| {
+        let scene = format!(
+            "terrain: Shape(kind: Cliff, size: (32, 32), cell_m: 100, height_m: (300, 0)), camera: Still(eye: {eye}, look_at: (3000, 1550, 0)), \
+             viewport: (64, 64), fov_deg: 100"
+        );
+        let chain = "[HeightPyramid, SketchMap(texels: 32), SketchImportance(frustum: false, facing: false, occlusion: true, floor: 0)]";
+        Ran::chain(&gpu, &scene, chain)
+    };
+    // 50 m over the plateau in the west, looking east over its edge
+    let on_plateau = seen("(500, 1550, 350)");
+    assert!((6..15).all(|x| factors_at(&on_plateau, (x, 15))[2] == 1.0));
+    assert!((18..21).all(|x| factors_at(&on_plateau, (x, 15))[2] == 0.0), "the plateau's edge hides the ground under it");
+    // beside the terrain, and as far from it as an eye may be: all of the plateau is in front
+    for eye in ["(-900, 1550, 600)", "(-1e9, 1550, 1e9)"] {
+        let beside = seen(eye);
+        assert!((0..15).all(|x| factors_at(&beside, (x, 15))[2] == 1.0), "{eye}");
+    }
+}
+
+/// What is farther than asked for is cut off, and a map of an eye that is farther from the terrain than that has four samples at least.
+#[test]
+fn far_ground_is_not_asked_for() {
+    let gpu = Gpu::open(None).unwrap();
+    for (eye, most) in [("(3000, 100, 900)", 2 * 40 + 2), ("(-50000, 100, 900)", 4)] {
+        let scene = format!("terrain: {RELIEF}, camera: Still(eye: {eye}, look_at: (3000, 4000, 0)), viewport: (64, 48)");
+        let ran = Ran::chain(&gpu, &scene, "[HeightPyramid, SketchMap(texels: 128, far_m: 1200)]");
+        let whole = Ran::chain(&gpu, &scene, "[HeightPyramid, SketchMap(texels: 128)]");
+        let ((_, side, texels), (_, whole_side, _)) = (square(&ran), square(&whole));
+        assert_eq!((side, texels, whole_side), (1, 128, 2), "{eye}: {most} samples need no coarser level");
+        let heights: Vec<f32> = ran.read("sketch_height");
+        assert!(heights.iter().all(|height| height.is_finite()));
+    }
+}

@@ -38,7 +38,8 @@ struct Params {
 @group(0) @binding(9) var<storage, read_write> map_out: array<vec2<f32>>;
 @group(0) @binding(10) var<storage, read> warp_map: array<vec2<f32>>;
 @group(0) @binding(11) var<storage, read> relax_from: array<vec2<f32>>;
-/// How often each of these corners gave way.
+/// How often each of these corners gave way, in the rounds before, and with this one.
+@group(0) @binding(33) var<storage, read> gave_way_before: array<u32>;
 @group(0) @binding(12) var<storage, read_write> gave_way: array<u32>;
 /// Workgroups along x, y and z that visit all corners of the map; none along x if it has no fold.
 @group(0) @binding(13) var<storage, read_write> fold_work: array<atomic<u32>>;
@@ -46,7 +47,7 @@ struct Params {
 /// the bits of an f32.
 @group(0) @binding(14) var<storage, read_write> grid_work: array<atomic<u32>>;
 @group(0) @binding(15) var<storage, read> share: array<u32>;
-/// Those that visit corners or cells once more; none along x if no fold is left.
+/// Those that visit them once more; none along x if the grid has no fold.
 @group(0) @binding(16) var<storage, read_write> left_work: array<atomic<u32>>;
 /// For each line that was walked, its largest weight, and the sum of the squares of all as shares of that.
 @group(0) @binding(19) var<storage, read_write> masses_out: array<vec2<f32>>;
@@ -63,6 +64,8 @@ struct Params {
 @group(0) @binding(28) var<storage, read> surveys: array<f32>;
 /// Workgroups along x, y and z that walk lines; none along x if this round is not needed.
 @group(0) @binding(29) var<storage, read_write> round_work: array<u32>;
+/// Workgroups along x, y and z that take a round back; none along x if it has left no fold.
+@group(0) @binding(32) var<storage, read_write> back_work: array<atomic<u32>>;
 @group(0) @binding(31) var<storage, read> round_needed: array<u32>;
 /// After each round but the last, by how much what is missing is spread.
 @group(0) @binding(30) var<storage, read_write> residual: array<f32>;
@@ -334,10 +337,20 @@ fn resample(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 /// Numbers that `survey` leaves for each row.
-const SURVEYED: u32 = 6u;
+const SURVEYED: u32 = 5u;
 
-/// Of the cells of a row: their demand, which is what is missing along them times what is missing down them, and its products with the
-/// logarithm of either and with the square of that; demand is a share of the square of the row's largest, which is the first number.
+/// What is missing in a cell, along and down, as shares of `largest`.
+fn missing_shares(at: u32, largest: f32) -> vec2<f32> {
+    return vec2(weight(missing_along[at]), weight(missing_down[at])) / largest;
+}
+
+/// Logarithms of shares; what nothing is asked for in has none.
+fn octaves(shares: vec2<f32>) -> vec2<f32> {
+    return log2(max(shares, vec2(1e-37)));
+}
+
+/// Of the cells of a row: the largest weight that is missing; as shares of that, their demand, which is what is missing along them times what is
+/// missing down them, the means of both logarithms by demand, and the squares around these means.
 @compute @workgroup_size(64)
 fn survey(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= params.size.y {
@@ -349,30 +362,33 @@ fn survey(@builtin(global_invocation_id) id: vec3<u32>) {
         largest = max(largest, max(weight(missing_along[first + i]), weight(missing_down[first + i])));
     }
     var demand = 0.0;
-    var sums = vec4(0.0);
+    var means = vec2(0.0);
     for (var i = 0u; i < params.size.x; i++) {
-        let both = vec2(weight(missing_along[first + i]), weight(missing_down[first + i]));
-        let shares = both / largest;
-        let own = shares.x * shares.y;
-        // what nothing is asked for in has no logarithm
-        let octaves = log2(max(both, vec2(1e-37)));
-        demand += own;
-        sums += own * vec4(octaves, octaves * octaves);
+        let shares = missing_shares(first + i, largest);
+        demand += shares.x * shares.y;
+        means += shares.x * shares.y * octaves(shares);
+    }
+    means /= max(demand, 1e-37);
+    var squares = 0.0;
+    for (var i = 0u; i < params.size.x; i++) {
+        let shares = missing_shares(first + i, largest);
+        let off = octaves(shares) - means;
+        squares += shares.x * shares.y * dot(off, off);
     }
     let at = id.x * SURVEYED;
     survey_out[at] = largest;
     survey_out[at + 1u] = demand;
-    survey_out[at + 2u] = sums.x;
-    survey_out[at + 3u] = sums.y;
-    survey_out[at + 4u] = sums.z;
-    survey_out[at + 5u] = sums.w;
+    survey_out[at + 2u] = means.x;
+    survey_out[at + 3u] = means.y;
+    survey_out[at + 4u] = squares;
 }
 
 /// What is spread by less than this, in octaves, is left as it is.
 const LEAST_SPREAD: f32 = 0.1;
 
 /// The spread of what is missing: root of the variances of its logarithms, along rows and down columns, by demand. Nothing is spread if
-/// every cell has what is asked for, up to one factor.
+/// every cell has what is asked for, up to one factor. Rows are put together as Chan, Golub and LeVeque (1983) do, so that no digits are lost
+/// to the size of the logarithms.
 @compute @workgroup_size(1)
 fn judge() {
     var largest = 1e-37;
@@ -380,16 +396,20 @@ fn judge() {
         largest = max(largest, surveys[i * SURVEYED]);
     }
     var demand = 0.0;
-    var sums = vec4(0.0);
+    var means = vec2(0.0);
+    var squares = 0.0;
     for (var i = 0u; i < params.size.y; i++) {
         let at = i * SURVEYED;
         let share = surveys[at] / largest;
-        demand += share * share * surveys[at + 1u];
-        sums += share * share * vec4(surveys[at + 2u], surveys[at + 3u], surveys[at + 4u], surveys[at + 5u]);
+        let own = share * share * surveys[at + 1u];
+        let off = vec2(surveys[at + 2u], surveys[at + 3u]) + log2(max(share, 1e-37)) - means;
+        let all = demand + own;
+        let part = own / max(all, 1e-37);
+        squares += share * share * surveys[at + 4u] + dot(off, off) * demand * part;
+        means += off * part;
+        demand = all;
     }
-    let means = sums / max(demand, 1e-37);
-    let variances = max(means.zw - means.xy * means.xy, vec2(0.0));
-    let spread = sqrt(variances.x + variances.y);
+    let spread = sqrt(squares / max(demand, 1e-37));
     residual[params.round - 1u] = spread;
     var is_needed = spread >= LEAST_SPREAD;
     if params.round > 1u {
@@ -406,9 +426,9 @@ fn begin() {
     atomicStore(&fold_work[0], 0u);
     atomicStore(&fold_work[1], groups().y);
     atomicStore(&fold_work[2], 1u);
-    atomicStore(&left_work[0], 0u);
-    atomicStore(&left_work[1], groups().y);
-    atomicStore(&left_work[2], 1u);
+    atomicStore(&back_work[0], 0u);
+    atomicStore(&back_work[1], groups().y);
+    atomicStore(&back_work[2], 1u);
 }
 
 /// The same for the grid, before the first round.
@@ -430,8 +450,9 @@ fn compose(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let index = id.y * (params.size.x + 1u) + id.x;
-    if !HAS_MAP {
-        gave_way[index] = 0u;
+    gave_way[index] = 0u;
+    if HAS_MAP {
+        gave_way[index] = gave_way_before[index];
     }
     if MAY_END && round_needed[0] == 0u {
         map_out[index] = map_before[index];
@@ -486,7 +507,8 @@ fn is_folded(cell: vec2<u32>) -> bool {
 /// Whether any cell folds; otherwise no workgroup of `relax` begins.
 @compute @workgroup_size(8, 8)
 fn find_folds(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+    // a round that is not needed changes nothing
+    if any(id.xy >= params.size) || (MAY_END && round_needed[0] == 0u) {
         return;
     }
     if is_folded(id.xy) {
@@ -502,7 +524,7 @@ fn find_left(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     if is_folded(id.xy) {
-        atomicMax(&left_work[0], groups().x);
+        atomicMax(&back_work[0], groups().x);
     }
 }
 
@@ -512,6 +534,7 @@ fn take_back(@builtin(global_invocation_id) id: vec3<u32>) {
     if all(id.xy <= params.size) {
         let index = id.y * (params.size.x + 1u) + id.x;
         map_out[index] = map_before[index];
+        gave_way[index] = gave_way_before[index];
     }
 }
 

@@ -44,6 +44,17 @@ fn height_of(texel: vec2<i32>) -> f32 {
     return sketch_height[at.y * params.texels + at.x];
 }
 
+/// The first and the last of the map's texels that are terrain, by columns and by rows.
+fn first_terrain() -> vec2<i32> {
+    return max(-square().corner, vec2(0));
+}
+
+fn last_terrain() -> vec2<i32> {
+    let square = square();
+    let last = (vec2<i32>(params.terrain.size) - 1) >> vec2(square.level);
+    return min(last - square.corner, vec2(i32(params.texels) - 1));
+}
+
 /// From 1 at 0 and below to 0 at `width` and above.
 fn fading(x: f32, width: f32) -> f32 {
     let t = clamp(x / width, 0.0, 1.0);
@@ -60,8 +71,12 @@ fn in_frustum(place_m: vec3<f32>, away_m: f32, sides_m: vec2<f32>) -> f32 {
 
 /// How much is left of the importance of ground that faces away.
 fn facing(texel: vec2<i32>, place_m: vec3<f32>, away_m: f32, sides_m: vec2<f32>) -> f32 {
-    let east = (height_of(texel + vec2(1, 0)) - height_of(texel - vec2(1, 0))) / (2.0 * sides_m.x);
-    let south = (height_of(texel + vec2(0, 1)) - height_of(texel - vec2(0, 1))) / (2.0 * sides_m.y);
+    // at the border of the map, and of the terrain, one of two neighbours is the texel itself
+    let low = max(texel - 1, first_terrain());
+    let high = min(texel + 1, last_terrain());
+    let between_m = vec2<f32>(max(high - low, vec2(1))) * sides_m;
+    let east = (height_of(vec2(high.x, texel.y)) - height_of(vec2(low.x, texel.y))) / between_m.x;
+    let south = (height_of(vec2(texel.x, high.y)) - height_of(vec2(texel.x, low.y))) / between_m.y;
     let up = vec3(-east, south, 1.0);
     return fading(dot(up, place_m) / (length(up) * away_m) - params.silhouette, params.fade);
 }
@@ -75,16 +90,22 @@ fn height_between(at: vec2<f32>) -> f32 {
 }
 
 /// How much is left of the importance of ground that other ground hides: the steepest slope, seen from the eye, on the way to the texel is
-/// compared with the texel's own. The way is looked at once a texel.
+/// compared with the texel's own. The way is looked at once a texel, as far as the map has terrain; what is beyond hides nothing.
 fn unhidden(texel: vec2<i32>, place_m: vec3<f32>, sides_m: vec2<f32>) -> f32 {
     let way = vec2(place_m.x, -place_m.y) / sides_m;
     let texels = max(abs(way.x), abs(way.y));
     let step = way / max(texels, 1.0);
+    let low = vec2<f32>(first_terrain());
+    let high = vec2<f32>(last_terrain());
     var steepest = -1e30;
-    // nothing within a texel of the eye hides anything
-    for (var i = 1.0; i < texels - 1.0; i += 1.0) {
-        let height_m = relative_height(params.terrain, height_between(vec2<f32>(texel) - i * step));
-        steepest = max(steepest, height_m / (1.0 - i / texels));
+    for (var i = 1u; i < params.texels; i++) {
+        let at = vec2<f32>(texel) - f32(i) * step;
+        // nothing within a texel of the eye hides anything
+        if f32(i) >= texels - 1.0 || any(at < low) || any(at > high) {
+            break;
+        }
+        let height_m = relative_height(params.terrain, height_between(at));
+        steepest = max(steepest, height_m / (1.0 - f32(i) / texels));
     }
     // slopes for the texel's whole distance, and what is left when they are divided by it
     let excess = (steepest - place_m.z) / max(length(place_m.xy), 0.5 * min(sides_m.x, sides_m.y));
@@ -112,7 +133,8 @@ fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
     // a texel is not seen from nearer than a quarter of the sum of its sides, which is half of one
     let near_m = 0.25 * (sides_m.x + sides_m.y);
     let away_m = max(length(place_m), near_m);
-    var found = vec4(0.25 / near_m, 1.0, 1.0, params.densest);
+    // without distance, one point for each texel
+    var found = vec4(0.5 / near_m, 1.0, 1.0, params.densest);
     if DISTANCE {
         found.x = params.view.focal_px / (params.quad_px * away_m);
     }

@@ -57,6 +57,7 @@ impl Measure for Density {
     fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
         let Demand { importance, places, vertex }: Demand<BufferId> = chain.latest()?;
         chain.grid_size(vertex, Elem::Vec4F32)?;
+        chain.check_own(importance)?;
         let mut needed = vec![importance, places, vertex];
         if let Some(Warped { gave_way, share }) = chain.products().latest() {
             needed.extend([gave_way, share]);
@@ -79,8 +80,9 @@ struct Summary {
 }
 
 impl Summary {
-    fn note(&mut self, name: &'static str, unit: &'static str, value: f64) {
-        self.sums.push((name, unit, value, 1));
+    /// The figure of a frame; a frame in which nothing was asked for has none.
+    fn note(&mut self, name: &'static str, unit: &'static str, value: Option<f64>) {
+        self.sums.push((name, unit, value.unwrap_or(0.0), usize::from(value.is_some())));
     }
 }
 
@@ -103,19 +105,19 @@ impl Sums for Summary {
         let factor = best_factor(&cells, |cell| cell.demand);
         let by_demand = served(&cells, factor, |cell| cell.demand);
         let by_cells = served(&cells, best_factor(&cells, |_| 1.0), |_| 1.0);
-        own.note("served_along", "of demand", by_demand[0]);
-        own.note("served_down", "of demand", by_demand[1]);
-        own.note("served", "of demand", 0.5 * (by_demand[0] + by_demand[1]));
-        own.note("served_vertices", "of cells", 0.5 * (by_cells[0] + by_cells[1]));
+        own.note("served_along", "of demand", by_demand.map(|both| both[0]));
+        own.note("served_down", "of demand", by_demand.map(|both| both[1]));
+        own.note("served", "of demand", by_demand.map(mean));
+        own.note("served_vertices", "of cells", by_cells.map(mean));
         if self.relaxations > 0 {
             let relaxed = relaxed(&grid, &importance, self.relaxations).cells(&importance);
             let by_demand = served(&relaxed, best_factor(&relaxed, |cell| cell.demand), |cell| cell.demand);
-            own.note("served_relaxed", "of demand", 0.5 * (by_demand[0] + by_demand[1]));
+            own.note("served_relaxed", "of demand", by_demand.map(mean));
         }
         if let Some(Warped { gave_way, share }) = products.latest() {
             let (gave, kept) = kept(&seen.read(gave_way), size(gave_way), seen.read::<u32>(share)[3]);
-            own.note("gave_way", "of corners", gave);
-            own.note("kept_way", "of cells", kept);
+            own.note("gave_way", "of corners", Some(gave));
+            own.note("kept_way", "of cells", Some(kept));
         }
         own.picture = seen.is_pictured().then(|| picture(&cells, grid.size.x - 1, factor));
         own
@@ -132,7 +134,7 @@ impl Sums for Summary {
     }
 
     fn measured(&self) -> Vec<Measured> {
-        self.sums.iter().map(|&(name, unit, sum, count)| Measured::new(name, sum / count as f64, unit)).collect()
+        self.sums.iter().map(|&(name, unit, sum, count)| Measured::new(name, (count > 0).then(|| sum / count as f64), unit)).collect()
     }
 
     fn figures(self) -> Figures {
@@ -152,7 +154,9 @@ impl Importance {
             [rows, columns] => UVec2::new(columns, rows),
             _ => UVec2::ONE,
         };
-        Self { size, per_m: seen.read(id) }
+        // as `Warp` reads it: what is no number, or less than nothing, is nothing, and nothing is infinite
+        let clean = |per_m: f32| if per_m > 0.0 { per_m.min(3e38) } else { 0.0 };
+        Self { size, per_m: seen.read::<f32>(id).into_iter().map(clean).collect() }
     }
 
     /// Bilinear between the middles of parts.
@@ -230,14 +234,19 @@ fn best_factor(cells: &[Cell], weight: impl Fn(&Cell) -> f64) -> f64 {
     factor
 }
 
-/// The shares, by weight, of ratios in 0.5..=1: along rows and down columns.
-fn served(cells: &[Cell], factor: f64, weight: impl Fn(&Cell) -> f64) -> [f64; 2] {
+fn mean([along, down]: [f64; 2]) -> f64 {
+    0.5 * (along + down)
+}
+
+/// The shares, by weight, of ratios in 0.5..=1, along rows and down columns; none of nothing.
+fn served(cells: &[Cell], factor: f64, weight: impl Fn(&Cell) -> f64) -> Option<[f64; 2]> {
     let all: f64 = cells.iter().map(&weight).sum();
-    [0, 1].map(|way| {
+    let shares = [0, 1].map(|way| {
         // the cell that the factor is from is in it, whatever the product is rounded to
         let is_served = |cell: &&Cell| (0.5 - 1e-12..=1.0 + 1e-12).contains(&(factor * cell.ratio[way]));
-        if all > 0.0 { cells.iter().filter(is_served).map(&weight).sum::<f64>() / all } else { 1.0 }
-    })
+        cells.iter().filter(is_served).map(&weight).sum::<f64>() / all
+    });
+    (all > 0.0).then_some(shares)
 }
 
 /// The share of the map's corners that gave way, and the share of its cells that keep nine tenths of their way: none of their corners gave
@@ -287,7 +296,7 @@ mod tests {
         for wanted in [1e-3, 1.0, 1e3] {
             let cells = uniform(9).cells(&importance(|_, _| wanted));
             let factor = best_factor(&cells, |cell| cell.demand);
-            assert_eq!(served(&cells, factor, |cell| cell.demand), [1.0, 1.0]);
+            assert_eq!(served(&cells, factor, |cell| cell.demand), Some([1.0, 1.0]));
         }
     }
 
@@ -298,8 +307,15 @@ mod tests {
         let cells = uniform(33).cells(&importance(|x, _| if x < 0.5 { 4.0 } else { 1.0 }));
         let by_demand = served(&cells, best_factor(&cells, |cell| cell.demand), |cell| cell.demand);
         let by_cells = served(&cells, best_factor(&cells, |_| 1.0), |_| 1.0);
+        let (by_demand, by_cells) = (by_demand.unwrap(), by_cells.unwrap());
         assert!((by_demand[0] - 16.0 / 17.0).abs() < 0.03, "{by_demand:?}");
         assert!((by_cells[0] - 0.5).abs() < 0.04, "{by_cells:?}");
+    }
+
+    #[test]
+    fn nothing_is_served_where_nothing_is_asked_for() {
+        let cells = uniform(9).cells(&importance(|_, _| 0.0));
+        assert_eq!(served(&cells, best_factor(&cells, |cell| cell.demand), |cell| cell.demand), None);
     }
 
     #[test]
@@ -307,7 +323,7 @@ mod tests {
         let wanted = importance(|x, y| 1.0 / (0.02 + x + 0.1 * y));
         let share = |grid: &Grid| {
             let cells = grid.cells(&wanted);
-            served(&cells, best_factor(&cells, |cell| cell.demand), |cell| cell.demand)[0]
+            served(&cells, best_factor(&cells, |cell| cell.demand), |cell| cell.demand).unwrap()[0]
         };
         let (before, after) = (share(&uniform(17)), share(&relaxed(&uniform(17), &wanted, 2000)));
         assert!(after > 0.9 && before < 0.7, "{before} {after}");

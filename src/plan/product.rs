@@ -129,6 +129,15 @@ pub struct PointErrors<B> {
     pub errors: B,
 }
 
+/// How densely grid points are asked for in the square of a sketch map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted<B> {
+    /// Grid points a metre, for each texel.
+    pub importance: B,
+    /// Where the square is.
+    pub square: B,
+}
+
 /// How densely the points of a grid were asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Demand<B> {
@@ -162,6 +171,7 @@ pub struct Products<B> {
     point_errors: Vec<PointErrors<B>>,
     demands: Vec<Demand<B>>,
     warped: Vec<Warped<B>>,
+    wanted: Vec<Wanted<B>>,
 }
 
 impl<B> Default for Products<B> {
@@ -177,6 +187,7 @@ impl<B> Default for Products<B> {
             point_errors: Vec::new(),
             demands: Vec::new(),
             warped: Vec::new(),
+            wanted: Vec::new(),
         }
     }
 }
@@ -212,6 +223,7 @@ product!(Roughness, roughness, "the roughness of blocks");
 product!(PointErrors, point_errors, "errors of grid points");
 product!(Demand, demands, "a density that was asked for");
 product!(Warped, warped, "a warp");
+product!(Wanted, wanted, "an importance of a sketch map");
 
 /// What messages and the registry call a product.
 pub const fn what<P: Product<()>>() -> &'static str {

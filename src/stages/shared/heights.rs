@@ -106,6 +106,8 @@ impl Heights {
         if self.finest {
             return [self.height(0, sample, off_cells), (0.0, 0.0)];
         }
+        // (nothing times infinity is no number)
+        let off_extent = off_extent.min(1e30);
         let level = extent.max(1.0).log2().clamp(0.0, f64::from(self.top));
         // d log2(e) = de / (e ln 2); Vulkan allows log2 an absolute error of 2^-21 near 1 and 3 ulp elsewhere
         let off_level = off_extent / (extent.max(1.0) * std::f64::consts::LN_2) + 5e-7 + 8.0 * EPSILON * level;

@@ -73,9 +73,9 @@ impl Default for Warp {
     }
 }
 
-/// The longest row or column of a map of importance: one thread goes over it four times, and an adapter may end the loops of a thread
-/// after 65535 turns in all.
-const LONGEST_LINE: u32 = 16_000;
+/// The longest row or column of a map of importance: one thread goes over it five times, once more beside one that is empty, and an adapter
+/// may end the loops of a thread after 65535 turns in all.
+const LONGEST_LINE: u32 = 10_900;
 
 impl Stage for Warp {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
@@ -94,15 +94,15 @@ impl Stage for Warp {
         }
         let importance = chain.read_as("importance", Elem::F32, &[rows, columns])?;
         let size = UVec2::new(columns, rows);
-        let work = GridWork::new(chain, size);
+        let work = GridWork::new(chain);
         let begin = self.step(chain, "begin_grid", 0, (size, grid))?.bind("grid_work", work.cells);
         begin.bind("left_work", work.folded).over(UVec2::ONE)?;
-        let mut map = None;
+        let mut last = None;
         for round in 0..self.rounds {
-            map = Some(self.round(chain, round, importance, (size, grid), map, &work)?);
+            last = Some(self.round(chain, round, importance, (size, grid), last, &work)?);
         }
-        let Some(map) = map else { return Ok(()) };
-        chain.offer(Warped { gave_way: work.gave_way, share: work.cells });
+        let Some(Round { map, gave_way }) = last else { return Ok(()) };
+        chain.offer(Warped { gave_way, share: work.cells });
         let step = self.step(chain, "find_grid_folds", self.rounds - 1, (size, grid))?.bind("warp_map", map);
         step.bind("uniform_point", points).bind("left_work", work.folded).over_indirect(work.cells)?;
         let step = self.step(chain, "unfold", self.rounds - 1, (size, grid))?.bind("warp_map", map);
@@ -127,12 +127,12 @@ impl Warp {
         round: u32,
         importance: BufferId,
         (size, grid): (UVec2, UVec2),
-        before: Option<BufferId>,
+        before: Option<Round>,
         work: &GridWork,
-    ) -> Result<BufferId, Diagnostic> {
+    ) -> Result<Round, Diagnostic> {
         let (wide, high) = (size.x + 1, size.y + 1);
         let (mut along, mut down) = (importance, importance);
-        if let Some(map) = before {
+        if let Some(Round { map, .. }) = before {
             let meaning = "importance that earlier rounds have left, ";
             let mut make = |name, way| {
                 let id = chain.make(name, Elem::F32, &[size.y, size.x], "", &format!("{meaning}{way}"));
@@ -143,14 +143,15 @@ impl Warp {
             let resample = self.step(chain, "resample", round, (size, grid))?.bind("importance", importance);
             resample.bind("map_before", map).bind("along_out", along).bind("down_out", down).over(size)?;
         }
-        let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go");
-        let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go");
+        let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go; anything, if the last round was not needed");
+        let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go; anything, if the last round was not needed");
         let map = make_map(chain, "warp_map", size);
         [rows, columns].into_iter().for_each(|id| chain.set_spread(id, Spread::Rows));
-        let [folds, left] = ["fold_work", "left_folds"]
+        let gave_way = self.gave_way(chain, size);
+        let [folds, back] = ["fold_work", "back_work"]
             .map(|name| chain.make(name, Elem::U32, &[3], "", "workgroups along x, y, z that look after folds"));
         let begin = self.step(chain, "begin", round, (size, grid))?.bind("fold_work", folds);
-        begin.bind("left_work", left).over(UVec2::ONE)?;
+        begin.bind("back_work", back).over(UVec2::ONE)?;
         // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
         // warps, and any buffer will do for them
         let needed = if round > 0 { self.judge(chain, round, (size, grid), (along, down))? } else { None };
@@ -167,22 +168,22 @@ impl Warp {
         self.lead(chain, "columns", (round, size, grid), (walked, columns), (masses, needed))?;
         let compose =
             self.step(chain, "compose", round, (size, grid))?.bind("warp_rows", rows).bind("warp_columns", columns);
-        let compose = match before {
-            Some(map) => compose.bind("map_before", map),
-            None => compose.leave_unbound("map_before"),
-        };
-        let compose = compose.bind("map_out", map).bind("gave_way", work.gave_way);
+        let compose = compose.bind_or_leave("map_before", before.map(|before| before.map));
+        let compose = compose.bind_or_leave("gave_way_before", before.map(|before| before.gave_way));
+        let compose = compose.bind("map_out", map).bind("gave_way", gave_way);
         compose.bind_or_leave("round_needed", needed).over(UVec2::new(wide, high))?;
         let find = self.step(chain, "find_folds", round, (size, grid))?.bind("warp_map", map);
-        find.bind("fold_work", folds).bind("grid_work", work.cells).over(size)?;
-        self.give_way(chain, round, (size, grid), [map, folds, work.gave_way])?;
+        let find = find.bind("fold_work", folds).bind("grid_work", work.cells);
+        find.bind_or_leave("round_needed", needed).over(size)?;
+        self.give_way(chain, round, (size, grid), [map, folds, gave_way])?;
         if let Some(before) = before {
             let find = self.step(chain, "find_left", round, (size, grid))?.bind("warp_map", map);
-            find.bind("left_work", left).over_indirect(folds)?;
-            let take_back = self.step(chain, "take_back", round, (size, grid))?.bind("map_before", before);
-            take_back.bind("map_out", map).over_indirect(left)?;
+            find.bind("back_work", back).over_indirect(folds)?;
+            let take_back = self.step(chain, "take_back", round, (size, grid))?.bind("map_before", before.map);
+            let take_back = take_back.bind("map_out", map).bind("gave_way_before", before.gave_way);
+            take_back.bind("gave_way", gave_way).over_indirect(back)?;
         }
-        Ok(map)
+        Ok(Round { map, gave_way })
     }
 
     /// Where the warps of lines go before they are led, and how much each of them leads; the warps themselves, if nothing is led.
@@ -253,6 +254,14 @@ impl Warp {
         (-1.0 / (self.lead * f64::from(lines))).exp() as f32
     }
 
+    /// How often each corner of the map gives way.
+    fn gave_way(&self, chain: &mut Chain, size: UVec2) -> BufferId {
+        let meaning = "how often each corner of the map gave way to a fold, in all rounds that were kept";
+        let gave_way = chain.make("warp_gave_way", Elem::U32, &[size.y + 1, size.x + 1], "", meaning);
+        chain.set_spread(gave_way, Spread::UnitSquareCorners);
+        gave_way
+    }
+
     /// Lets the corners of folded cells give way, if there are any.
     fn give_way(
         &self,
@@ -296,7 +305,7 @@ impl Warp {
 }
 
 /// Numbers that are left for each row; `SURVEYED` of the kernel.
-const SURVEYED: u32 = 6;
+const SURVEYED: u32 = 5;
 
 /// A thread for each line, or none if a round is not needed.
 fn over_lines(step: StepBuilder, needed: Option<BufferId>, lines: u32) -> Result<(), Diagnostic> {
@@ -312,20 +321,22 @@ struct GridWork {
     cells: BufferId,
     /// The same, if any of them is folded.
     folded: BufferId,
-    /// How often each corner of the map gave way.
+}
+
+/// What a round leaves.
+#[derive(Clone, Copy)]
+struct Round {
+    map: BufferId,
+    /// How often each of its corners gave way, in this round and before.
     gave_way: BufferId,
 }
 
 impl GridWork {
-    fn new(chain: &mut Chain, size: UVec2) -> Self {
+    fn new(chain: &mut Chain) -> Self {
         let work = "workgroups along x, y, z that look after folds of the grid";
         let meaning = format!("{work}; how much of the warp keeps every cell convex, as the bits of an f32");
         let cells = chain.make("grid_work", Elem::U32, &[4], "", &meaning);
-        let folded = chain.make("left_work", Elem::U32, &[3], "", work);
-        let meaning = "how often each corner of the map gave way to a fold";
-        let gave_way = chain.make("warp_gave_way", Elem::U32, &[size.y + 1, size.x + 1], "", meaning);
-        chain.set_spread(gave_way, Spread::UnitSquareCorners);
-        Self { cells, folded, gave_way }
+        Self { cells, folded: chain.make("left_work", Elem::U32, &[3], "", work) }
     }
 }
 

@@ -24,9 +24,6 @@ impl Reference for Warp {
                 spreads.push((spread, off));
                 is_open |= !is_known;
                 if !needed {
-                    for _ in 0..RELAXATIONS {
-                        map = map.relaxed(&mut gave_way);
-                    }
                     // no line is walked
                     last = None;
                     continue;
@@ -34,13 +31,13 @@ impl Reference for Warp {
             }
             let rows = self.lines((0..along.size.y).map(|row| along.row(row)).collect());
             let columns = self.lines((0..down.size.x).map(|column| down.warped_column(column, &rows)).collect());
-            let before = map;
-            map = before.composed(&rows, &columns);
+            let before = (map, gave_way.clone());
+            map = before.0.composed(&rows, &columns);
             for _ in 0..RELAXATIONS {
                 map = map.relaxed(&mut gave_way);
             }
             if round > 0 {
-                map.taken_back_if_folded(before);
+                map.taken_back_if_folded(&mut gave_way, before);
             }
             folds.0 |= gave_way.value.iter().any(|&times| times > 0.0);
             folds.1 |= gave_way.bound.iter().any(|&times| times > 0.0);
@@ -181,14 +178,16 @@ fn spread(along: &Map, down: &Map) -> (f64, f64) {
     let means = [mean(&|along, _| along.0.log2()), mean(&|_, down| down.0.log2())];
     let variance =
         mean(&|along, down| (along.0.log2() - means[0]).powi(2) + (down.0.log2() - means[1]).powi(2));
-    // what either is off by shifts its logarithm and its demand; sums in f32 lose a rounding a term, of squares that are as large as these
-    let relative = |(value, bound): &(f64, f64)| bound / value;
-    let squares = mean(&|along, down| along.0.log2().powi(2) + down.0.log2().powi(2));
+    // what either is off by shifts its logarithm and its demand; sums in f32 lose a rounding a term, of squares that are as large as these are
+    // from the largest (nothing times infinity would be no number)
+    let relative = |(value, bound): &(f64, f64)| (bound / value).min(1e30);
+    let from = largest.log2();
+    let squares = mean(&|along, down| (along.0.log2() - from).powi(2) + (down.0.log2() - from).powi(2));
     let terms = f64::from(along.size.x + along.size.y) + 16.0;
     let off = mean(&|along, down| {
         let spread = (along.0.log2() - means[0]).abs() + (down.0.log2() - means[1]).abs();
         let off = relative(along) + relative(down) + 2e-6;
-        off * (3.0 * spread + 2.0 * spread * spread)
+        off * (3.0 * spread + 2.0 * spread * spread + off)
     });
     let off = 2.0 * off + 2.0 * terms * EPSILON * squares;
     let spread = variance.sqrt();
@@ -270,12 +269,12 @@ impl Map {
         let south = mix(self.weight(low.x, high.y), self.weight(high.x, high.y), w.x);
         let (value, bound) = mix(north, south, w.y);
         // over `off` the value moves between those of the cells that it may be in
-        let (mut least, mut most) = (value, value);
+        let (mut least, mut most, mut bound) = (value, value, bound);
         let reach = UVec2::splat((off * self.size.max_element() as f64).ceil().min(8192.0) as u32);
         let (first, end) = (low.saturating_sub(reach), (high + reach).min(self.size - 1));
         for (y, x) in (first.y..=end.y).flat_map(|y| (first.x..=end.x).map(move |x| (y, x))) {
-            let (near, _) = self.weight(x, y);
-            (least, most) = (least.min(near), most.max(near));
+            let (near, off) = self.weight(x, y);
+            (least, most, bound) = (least.min(near), most.max(near), bound.max(off));
         }
         let cells = off * f64::from(self.size.max_element());
         let slope = (most - least) * (2.0 * cells).min(1.0);
@@ -434,15 +433,18 @@ impl Corners {
         Corners { size: self.size, corners: places.map(corner).collect() }
     }
 
-    /// All corners where they were before, if a cell is still folded.
-    fn taken_back_if_folded(&mut self, before: Corners) {
+    /// All corners where they were before, and as often as they had given way by then, if a cell is still folded.
+    fn taken_back_if_folded(&mut self, gave_way: &mut Values, (before, gave_before): (Corners, Values)) {
         let (low, high) = self.least_of_all();
         if high < LEAST {
-            *self = before;
+            (*self, *gave_way) = (before, gave_before);
         } else if low < LEAST {
             // either may be right
             for (own, before) in self.corners.iter_mut().zip(&before.corners) {
                 own.1 = own.1.max((own.0 - before.0).abs().max_element() + before.1);
+            }
+            for (at, bound) in gave_way.bound.iter_mut().enumerate() {
+                *bound = bound.max((gave_way.value[at] - gave_before.value[at]).abs() + gave_before.bound[at]);
             }
         }
     }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
-use crate::plan::product::{Demand, Grid, Mesh, what};
+use crate::plan::product::{Demand, Grid, Mesh, Wanted, what};
 use crate::plan::{Chain, Spread};
 use crate::stages::shared::heights::{Filter, Means};
 use crate::stages::sketch::sketch_importance::texels_of;
@@ -61,6 +61,11 @@ impl Stage for GeometryImage {
         let texels = texels_of(chain, heights, square)?;
         let means = match self.heights {
             Source::Atlas => Some(Means::find(chain, self.filter, self.max_level)?),
+            Source::SketchMap if self.filter != Filter::default() || self.max_level.is_some() => {
+                return Err(Diagnostic::input("`filter` and `max_level` are of heights from the atlas")
+                    .at(chain.origin(), "this stage takes its heights from the sketch map")
+                    .help("leave them out, or take heights from the `Atlas`"));
+            }
             Source::SketchMap => None,
         };
         let meaning = "x east, y north, z up from the eye; w: pyramid level";
@@ -79,7 +84,8 @@ impl Stage for GeometryImage {
         };
         step.over(size)?;
         chain.offer(Mesh::Grid(Grid { vertex: vertices, cell_bound: None, promise: None }));
-        if let Some(importance) = chain.find("importance") {
+        // an importance of another square, or of something else, asked for nothing here
+        if let Some(Wanted { importance, .. }) = chain.products().find(|wanted: &Wanted<_>| wanted.square == square) {
             chain.offer(Demand { importance, places: points, vertex: vertices });
         }
         Ok(())

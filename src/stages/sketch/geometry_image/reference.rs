@@ -1,7 +1,7 @@
 use glam::{DVec2, UVec2};
 
 use super::{GeometryImage, Source};
-use crate::plan::product::{Demand, Grid, Mesh};
+use crate::plan::product::{Demand, Grid, Mesh, Wanted};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::heights::Heights;
 use crate::stages::shared::rounding::EPSILON;
@@ -9,7 +9,8 @@ use crate::stages::shared::rounding::EPSILON;
 impl Reference for GeometryImage {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let points = buffers.find("grid_point").ok_or_else(|| Absent("the buffer `grid_point`".into()))?;
-        let square = buffers.get("sketch_square")?;
+        let in_square = buffers.find("sketch_square").ok_or_else(|| Absent("the buffer `sketch_square`".into()))?;
+        let square = buffers.values(in_square);
         let sketch = buffers.get("sketch_height")?;
         let source = match self.heights {
             Source::Atlas => HeightsOf::Atlas(Heights::new(frame, buffers, self.filter, self.max_level)?),
@@ -33,7 +34,8 @@ impl Reference for GeometryImage {
         }
         let vertex = buffers.put("vertex", vertices);
         buffers.offer(Mesh::Grid(Grid { vertex, cell_bound: None, promise: None }));
-        if let Some(importance) = buffers.find("importance") {
+        let wanted = buffers.products().find(|wanted: &Wanted<_>| wanted.square == in_square);
+        if let Some(Wanted { importance, .. }) = wanted {
             buffers.offer(Demand { importance, places: points, vertex });
         }
         Ok(())

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
+use crate::plan::product::{Wanted, what};
 use crate::plan::{BufferId, Chain, Spread, StepBuilder};
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -17,6 +18,7 @@ pub const INFO: Info = Info {
     source: "Dachsbacher, Stamminger 2004, section 3.1 (which writes Iv = C / d: there a larger C makes smaller quads)",
     reads: &["sketch_square", "sketch_height"],
     writes: &["importance", "importance_factors"],
+    offers: &[what::<Wanted<()>>()],
     parameters: schema::<SketchImportance>,
     read: read_as::<SketchImportance>,
     examples: &[
@@ -39,7 +41,7 @@ pub const INFO: Info = Info {
 #[serde(deny_unknown_fields, default)]
 pub struct SketchImportance {
     /// largest side of a quad in pixels, seen head-on
-    #[schemars(extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-3, max = 1e6))]
     quad_px: f64,
     /// importance falls with the distance from the eye; otherwise there is one point for each texel
     distance: bool,
@@ -65,9 +67,10 @@ pub struct SketchImportance {
     #[schemars(range(min = 0, max = 45))]
     hidden_deg: f64,
     /// the most grid points a metre, whatever the view; None is any number
-    #[schemars(extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-12, max = 1e12))]
     densest_per_m: Option<f64>,
-    /// least importance, as a share of the largest; with 0, as in the paper, what is out of the picture keeps no points
+    /// least importance, as a share of the largest, beyond the terrain's border as well; with 0, as in the paper, what is out of the picture
+    /// keeps no points
     #[schemars(range(min = 0, max = 1))]
     floor: f64,
 }
@@ -94,7 +97,7 @@ impl Default for SketchImportance {
 impl SketchImportance {
     /// The most grid points a metre, as f32 has them.
     fn densest(&self) -> f64 {
-        self.densest_per_m.map_or(3e38, |densest| densest.min(3e38))
+        self.densest_per_m.unwrap_or(3e38)
     }
 }
 
@@ -129,6 +132,7 @@ impl Stage for SketchImportance {
         let importance = make("importance", Elem::F32, "1/m", "grid points a metre that are wanted");
         let meaning = "what importance is made of: Iv by distance, Sf in the picture, Sb So facing the eye and not hidden, Is the most";
         let factors = make("importance_factors", Elem::Vec4F32, "", meaning);
+        chain.offer(Wanted { importance, square });
         let has_floor = self.floor > 0.0;
         let meaning = "the largest importance, as the bits of an f32";
         let largest = has_floor.then(|| chain.make("largest_importance", Elem::U32, &[1], "", meaning));

@@ -2,12 +2,14 @@ use glam::{DVec2, DVec3, IVec2};
 
 use super::{SketchImportance, slope, width};
 use crate::frame::view::sides;
+use crate::plan::product::Wanted;
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for SketchImportance {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let square = buffers.get("sketch_square")?;
+        let in_square = buffers.find("sketch_square").ok_or_else(|| Absent("the buffer `sketch_square`".into()))?;
+        let square = buffers.values(in_square);
         let [column, row, level, _] = [0, 1, 2, 3].map(|at| square.value[at] as i32);
         let heights = buffers.get("sketch_height")?;
         let map = Map { frame, heights: &heights, corner: IVec2::new(column, row), level: level as u32 };
@@ -26,8 +28,9 @@ impl Reference for SketchImportance {
         if self.floor > 0.0 {
             raise(&mut importance, self.floor);
         }
-        buffers.put("importance", importance);
+        let importance = buffers.put("importance", importance);
         buffers.put("importance_factors", factors);
+        buffers.offer(Wanted { importance, square: in_square });
         Ok(())
     }
 }
@@ -61,6 +64,13 @@ impl Map<'_> {
         let texel = texel.clamp(IVec2::ZERO, IVec2::splat(texels - 1));
         let at = (texel.y * texels + texel.x) as usize;
         (self.heights.value[at], self.heights.bound[at])
+    }
+
+    /// The first and the last texel that are terrain, by columns and by rows.
+    fn terrain(&self) -> (IVec2, IVec2) {
+        let last = self.frame.lattice().last().as_ivec2() >> self.level as i32;
+        let texels = self.heights.dims[0] as i32;
+        ((-self.corner).max(IVec2::ZERO), (last - self.corner).min(IVec2::splat(texels - 1)))
     }
 
     /// Bilinear between texels, and its bound for a place that is off by `off` texels.
@@ -113,7 +123,8 @@ impl SketchImportance {
         let is_terrain = first.cmpge(IVec2::ZERO).all() && first.cmplt(map.frame.lattice().size.as_ivec2()).all();
         let of_distance = match self.distance {
             true => camera.focal_px() / (self.quad_px * away_m),
-            false => 1.0 / (4.0 * near_m),
+            // a point for each texel
+            false => 2.0 / (sides_m.x + sides_m.y),
         };
         let of_distance = match is_terrain {
             // three roundings of numbers, a division, and the distance
@@ -151,22 +162,28 @@ impl SketchImportance {
         // the way is as uncertain as the place, and its parts are products
         let off_texels = off_m / sides_m.min_element() + 8.0 * EPSILON * (texels + f64::from(map.heights.dims[0]));
         let (mut low, mut steepest, mut high) = (-1e30f64, -1e30f64, -1e30f64);
-        let mut i = 1.0;
-        while i < texels - 1.0 + off_texels {
-            let (height_m, off_m) = map.height_between(texel.as_dvec2() - i * step, off_texels);
+        let (first, last) = map.terrain();
+        // by how much a place is inside the terrain, in texels
+        let inside = |at: DVec2| (at - first.as_dvec2()).min(last.as_dvec2() - at).min_element();
+        for i in (1..map.heights.dims[0]).map(f64::from) {
+            let at = texel.as_dvec2() - i * step;
+            // whether this part of the way counts, from none to surely
+            let counts = (texels - 1.0 - i).min(inside(at));
+            if counts < -off_texels {
+                break;
+            }
+            let (height_m, off_m) = map.height_between(at, off_texels);
             let share = 1.0 - i / texels;
             let at_texel = (height_m - eye_height_m) / share;
             let off = (off_m + 4.0 * EPSILON * (height_m - eye_height_m).abs()) / share
                 + at_texel.abs() * (8.0 * EPSILON + off_texels / texels) / share;
             high = high.max(at_texel + off);
-            // the last ones may or may not count
-            if i < texels - 1.0 - off_texels {
+            if counts > off_texels {
                 low = low.max(at_texel - off);
             }
-            if i < texels - 1.0 {
+            if counts > 0.0 {
                 steepest = steepest.max(at_texel);
             }
-            i += 1.0;
         }
         let away_m = place_m.truncate().length().max(0.5 * sides_m.min_element());
         let clear = self.clear_deg.to_radians().tan();
@@ -179,10 +196,15 @@ impl SketchImportance {
 
     fn facing(&self, map: &Map, texel: IVec2, (place_m, off_m): (DVec3, f64), away_m: f64) -> (f64, f64) {
         let sides_m = map.sides_m();
+        let (first, last) = map.terrain();
+        let (back, there) = ((texel - 1).max(first), (texel + 1).min(last));
         let slope = |step: IVec2, side_m: f64| {
-            let (there, back) = (map.height_m(texel + step), map.height_m(texel - step));
-            let slope = (there.0 - back.0) / (2.0 * side_m);
-            (slope, (there.1 + back.1) / (2.0 * side_m) + 8.0 * EPSILON * slope.abs())
+            // the neighbours of a border texel are as far apart as they are
+            let at = |other: IVec2| texel + step * (other - texel);
+            let apart_m = f64::from((step * (there - back)).element_sum().max(1)) * side_m;
+            let (there, back) = (map.height_m(at(there)), map.height_m(at(back)));
+            let slope = (there.0 - back.0) / apart_m;
+            (slope, (there.1 + back.1) / apart_m + 8.0 * EPSILON * slope.abs())
         };
         let (east, south) = (slope(IVec2::X, sides_m.x), slope(IVec2::Y, sides_m.y));
         let up = DVec3::new(-east.0, south.0, 1.0);
