@@ -153,7 +153,8 @@ fn compare() -> Result<(), Diagnostic> {
         executor.frame(0)?;
         let sketch = Sketch::of(&setup, &executor)?;
         let made: Vec<[f32; 2]> = bytemuck::pod_collect_to_vec(&executor.read(id(&setup, "grid_point"))?);
-        let apart = sketch.points(points, false).iter().zip(&made).map(|(a, b)| a.distance(Vec2::from(*b))).fold(0.0, f32::max);
+        let apart =
+            sketch.points(points, false).iter().zip(&made).map(|(a, b)| a.distance(Vec2::from(*b))).fold(0.0, f32::max);
         if apart > 1e-4 {
             return Err(Diagnostic::run(format!("the two are {apart} of the square apart at {texels} texels")));
         }

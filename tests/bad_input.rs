@@ -110,7 +110,10 @@ fn ron_cases() -> Vec<Case> {
         ),
         case(
             "a sketch map without the levels that it needs",
-            experiment("[HeightPyramid, RayCast]", "[HeightPyramid(max_level: 1), SketchMap(texels: 8), SketchImportance]"),
+            experiment(
+                "[HeightPyramid, RayCast]",
+                "[HeightPyramid(max_level: 1), SketchMap(texels: 8), SketchImportance]",
+            ),
         ),
         case("unknown value of a stage", experiment("Project,", "Project(filter: Sharp),")),
         case("unknown measure", experiment("[ScreenError, Time]", "[ScreenErorr, Time]")),

@@ -48,8 +48,7 @@ fn is_unfolded(vertices: &[[f32; 4]], columns: usize) -> bool {
 #[test]
 fn every_pitch_has_a_square_that_holds_what_is_seen() {
     let gpu = Gpu::open(None).unwrap();
-    let chain =
-        "[HeightPyramid, SketchMap(texels: 32), SketchImportance, ViewGrid(size: (33, 33)), Warp(rounds: 2), GeometryImage]";
+    let chain = "[HeightPyramid, SketchMap(texels: 32), SketchImportance, ViewGrid(size: (33, 33)), Warp(rounds: 2), GeometryImage]";
     // on foot, in the air, in space; over the terrain and beside it
     for eye in [(3000.0, 2000.0, 0.0), (900.0, 800.0, 2500.0), (3000.0, 2000.0, 1e5), (-9000.0, -4000.0, 1500.0)] {
         let scene = format!("terrain: {RELIEF}, camera: {}, viewport: (16, 12)", every_pitch(eye.into()));
@@ -111,7 +110,9 @@ fn a_node_keeps_its_height_while_the_camera_moves() {
 #[test]
 fn stiff_importance_makes_no_fold() {
     let gpu = Gpu::open(None).unwrap();
-    let scene = format!("terrain: {RELIEF}, camera: Still(eye: (200, 200, 900), look_at: (3000, 2500, 200)), viewport: (16, 12)");
+    let scene = format!(
+        "terrain: {RELIEF}, camera: Still(eye: (200, 200, 900), look_at: (3000, 2500, 200)), viewport: (16, 12)"
+    );
     for kind in 0..9 {
         for (points, rounds) in [(9, 1), (33, 2), (64, 3), (101, 8)] {
             let chain = format!(
@@ -175,7 +176,9 @@ fn more_rounds_serve_the_demand_no_worse() {
 #[test]
 fn a_round_that_is_not_needed_changes_nothing() {
     let gpu = Gpu::open(None).unwrap();
-    let scene = format!("terrain: {RELIEF}, camera: Still(eye: (200, 200, 900), look_at: (3000, 2500, 200)), viewport: (64, 48)");
+    let scene = format!(
+        "terrain: {RELIEF}, camera: Still(eye: (200, 200, 900), look_at: (3000, 2500, 200)), viewport: (64, 48)"
+    );
     let warp = |parameters: &str| {
         let chain = format!(
             "[HeightPyramid, SketchMap(texels: 32), SketchImportance, ViewGrid(size: (33, 33)), Warp({parameters})]"
@@ -192,12 +195,37 @@ fn a_round_that_is_not_needed_changes_nothing() {
     assert_ne!(points(&ended), points(&warp("rounds: 3, least_gain: 0")));
 }
 
+/// Rows that follow no others fold so much that no round after the first can be kept; then it is as if there had been none.
+#[test]
+fn a_round_that_folds_for_good_is_taken_back() {
+    let gpu = Gpu::open(None).unwrap();
+    let scene = format!(
+        "terrain: {RELIEF}, camera: Still(eye: (200, 200, 900), look_at: (3000, 2500, 200)), viewport: (64, 48)"
+    );
+    let warp = |parameters: &str| {
+        let chain = format!(
+            "[HeightPyramid, SketchMap(texels: 64), SketchImportance(floor: 0), ViewGrid(size: (33, 33)), Warp({parameters})]"
+        );
+        Ran::chain(&gpu, &scene, &chain)
+    };
+    let [once, often] = ["rounds: 1, lead: 0", "rounds: 4, lead: 0, least_gain: 0"].map(warp);
+    assert_eq!(once.read::<[u32; 2]>("warp_map"), often.read::<[u32; 2]>("warp_map"));
+    let gave_way: Vec<u32> = once.read("warp_gave_way");
+    assert!(gave_way.iter().any(|times| *times > 0), "nothing would fold");
+    assert_eq!(gave_way, often.read::<u32>("warp_gave_way"), "what is taken back is not counted");
+    // led by others they do not fold
+    assert_ne!(warp("rounds: 1").read::<[u32; 2]>("warp_map"), warp("rounds: 2").read::<[u32; 2]>("warp_map"));
+}
+
 /// What importance is made of, at a sample of a terrain that the map has in full.
 fn factors_at(ran: &Ran, sample: (i32, i32)) -> [f64; 4] {
     let (corner, side, texels) = square(ran);
     assert_eq!((side, texels), (1, 32));
     let texel = IVec2::from(sample) - corner;
-    assert!(texel.min_element() >= 0 && texel.max_element() < 32, "sample {sample:?} is not in the map from {corner} on");
+    assert!(
+        texel.min_element() >= 0 && texel.max_element() < 32,
+        "sample {sample:?} is not in the map from {corner} on"
+    );
     ran.read::<[f32; 4]>("importance_factors")[(texel.y * 32 + texel.x) as usize].map(f64::from)
 }
 
@@ -223,7 +251,10 @@ fn importance_has_the_values_of_its_formulas() {
     assert!((iv - 50.0 / (4.0 * 1000.0)).abs() < 1e-7 && (sf, sb) == (1.0, 1.0), "{iv} {sf} {sb}");
     assert!((factors_at(&flat, (25, 16))[0] - 50.0 / (4.0 * 1414.2136)).abs() < 1e-7);
     // a point a texel without distance
-    assert!((factors_at(&factors(&scene("Flat", "(0, 0)"), &format!("{whole}, distance: false")), (3, 3))[0] - 0.01).abs() < 1e-8);
+    assert!(
+        (factors_at(&factors(&scene("Flat", "(0, 0)"), &format!("{whole}, distance: false")), (3, 3))[0] - 0.01).abs()
+            < 1e-8
+    );
     // of a plane that rises to the east, all that is east of the eye faces it, at the border too; what is far in the west may not
     let ramp = factors(&scene("Ramp", "(-2000, 1100)"), &format!("{whole}, silhouette_deg: 0, fade_deg: 5"));
     assert!((15..32).all(|x| factors_at(&ramp, (x, 16))[2] == 1.0));
@@ -247,7 +278,10 @@ fn a_wall_hides_what_is_behind_it() {
     // 50 m over the plateau in the west, looking east over its edge
     let on_plateau = seen("(500, 1550, 350)");
     assert!((6..15).all(|x| factors_at(&on_plateau, (x, 15))[2] == 1.0));
-    assert!((18..21).all(|x| factors_at(&on_plateau, (x, 15))[2] == 0.0), "the plateau's edge hides the ground under it");
+    assert!(
+        (18..21).all(|x| factors_at(&on_plateau, (x, 15))[2] == 0.0),
+        "the plateau's edge hides the ground under it"
+    );
     // beside the terrain, and as far from it as an eye may be: all of the plateau is in front
     for eye in ["(-900, 1550, 600)", "(-1e9, 1550, 1e9)"] {
         let beside = seen(eye);
@@ -260,7 +294,8 @@ fn a_wall_hides_what_is_behind_it() {
 fn far_ground_is_not_asked_for() {
     let gpu = Gpu::open(None).unwrap();
     for (eye, most) in [("(3000, 100, 900)", 2 * 40 + 2), ("(-50000, 100, 900)", 4)] {
-        let scene = format!("terrain: {RELIEF}, camera: Still(eye: {eye}, look_at: (3000, 4000, 0)), viewport: (64, 48)");
+        let scene =
+            format!("terrain: {RELIEF}, camera: Still(eye: {eye}, look_at: (3000, 4000, 0)), viewport: (64, 48)");
         let ran = Ran::chain(&gpu, &scene, "[HeightPyramid, SketchMap(texels: 128, far_m: 1200)]");
         let whole = Ran::chain(&gpu, &scene, "[HeightPyramid, SketchMap(texels: 128)]");
         let ((_, side, texels), (_, whole_side, _)) = (square(&ran), square(&whole));

@@ -1,4 +1,5 @@
-// Uniform grid over the projector's image, corner to corner: the persistent grid of Livny et al. 2008.
+// Uniform grid over the unit square, corner to corner: over the projector's image, it is the persistent grid of Livny et al. 2008; over the
+// square of a sketch map, an unwarped geometry image of Dachsbacher and Stamminger 2004.
 
 struct Params {
     /// Columns and rows of grid points.

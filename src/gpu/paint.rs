@@ -106,7 +106,7 @@ pub enum Colouring<'a> {
     /// A number of each point, triangle or block.
     Points(&'a Held, &'a Channel),
     Cells(&'a Held, &'a Channel),
-    /// Values over the projector's image, and where each point is in it.
+    /// Values over the square that a grid is over, and where each point is in it.
     Places(&'a Held, &'a Channel, &'a Held),
 }
 

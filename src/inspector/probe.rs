@@ -34,7 +34,7 @@ pub struct Spot {
     pub sample: Option<DVec2>,
     /// Column and row of the nearest point of the grid.
     pub grid: Option<UVec2>,
-    /// Where that point is in the projector's image.
+    /// Where that point is in the square that the grid is over.
     pub place: Option<DVec2>,
 }
 
@@ -98,7 +98,7 @@ impl Probed {
 #[derive(Default)]
 pub struct Copies {
     distance_m: OnceLock<Vec<f32>>,
-    /// Points of the grid relative to the eye, four numbers each, and their places in the projector's image.
+    /// Points of the grid relative to the eye, four numbers each, and their places in the square that it is over.
     points: OnceLock<Vec<f32>>,
     places: OnceLock<Vec<f32>>,
     list: OnceLock<Vec<u32>>,

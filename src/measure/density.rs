@@ -35,9 +35,19 @@ pub const INFO: Info = Info {
             Kind::Other,
             "the same by cells instead of by demand, with a factor of its own: a uniform grid scores as well as a warped one",
         ),
-        Known::new("served_relaxed", "of demand", Kind::Other, "what a grid of springs reaches with the same importance"),
+        Known::new(
+            "served_relaxed",
+            "of demand",
+            Kind::Other,
+            "what a grid of springs reaches with the same importance",
+        ),
         Known::new("gave_way", "of corners", Kind::Other, "share of the warp's corners that gave way to a fold"),
-        Known::new("kept_way", "of cells", Kind::Other, "share of the warp's cells that keep at least 0.9 of their way"),
+        Known::new(
+            "kept_way",
+            "of cells",
+            Kind::Other,
+            "share of the warp's cells that keep at least 0.9 of their way",
+        ),
     ],
     columns: &[
         Column { heading: "served %", figure: "served", show: Show::Percent },
@@ -98,7 +108,11 @@ impl Sums for Summary {
         };
         let grid = Grid {
             size: size(demand.vertex),
-            at_m: seen.read::<[f32; 4]>(demand.vertex).iter().map(|&[x, y, ..]| DVec2::new(x.into(), y.into())).collect(),
+            at_m: seen
+                .read::<[f32; 4]>(demand.vertex)
+                .iter()
+                .map(|&[x, y, ..]| DVec2::new(x.into(), y.into()))
+                .collect(),
             places: seen.read::<[f32; 2]>(demand.places).iter().map(|&[x, y]| DVec2::new(x.into(), y.into())).collect(),
         };
         let cells = grid.cells(&importance);
@@ -134,7 +148,10 @@ impl Sums for Summary {
     }
 
     fn measured(&self) -> Vec<Measured> {
-        self.sums.iter().map(|&(name, unit, sum, count)| Measured::new(name, (count > 0).then(|| sum / count as f64), unit)).collect()
+        self.sums
+            .iter()
+            .map(|&(name, unit, sum, count)| Measured::new(name, (count > 0).then(|| sum / count as f64), unit))
+            .collect()
     }
 
     fn figures(self) -> Figures {

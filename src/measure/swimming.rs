@@ -21,15 +21,30 @@ pub const INFO: Info = Info {
     parameters: schema::<Swimming>,
     read: read_as::<Swimming>,
     figures: &[
-        Known::new("swimming_max", "px", Kind::Error, "largest change of height between two frames, in the picture of the second"),
+        Known::new(
+            "swimming_max",
+            "px",
+            Kind::Error,
+            "largest change of height between two frames, in the picture of the second",
+        ),
         Known::new("swimming_mean", "px", Kind::Error, "mean of it"),
         Known::new("swimming_rms", "px", Kind::Error, "root of its mean square"),
         Known::new("swimming_p50", "px", Kind::Error, "median of it"),
         Known::new("swimming_p95", "px", Kind::Error, "95th percentile of it"),
         Known::new("swimming_p99", "px", Kind::Error, "99th percentile of it"),
-        Known::new("height_rms", "m", Kind::Error, "root of the mean square of mesh minus surface at the points in the picture"),
+        Known::new(
+            "height_rms",
+            "m",
+            Kind::Error,
+            "root of the mean square of mesh minus surface at the points in the picture",
+        ),
         Known::new("height_max", "m", Kind::Error, "largest of it, without its sign"),
-        Known::new("points_seen", "of points", Kind::Other, "share of the points that are in the picture, hidden ones too"),
+        Known::new(
+            "points_seen",
+            "of points",
+            Kind::Other,
+            "share of the points that are in the picture, hidden ones too",
+        ),
     ],
     columns: &[
         Column { heading: "swim rms px", figure: "swimming_rms", show: Show::Number },

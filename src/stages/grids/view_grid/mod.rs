@@ -12,7 +12,7 @@ use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
     name: "ViewGrid",
-    summary: "uniform grid over the projector's image",
+    summary: "uniform grid over the unit square: the projector's image, or the square of a sketch map",
     formula: "point(i, j) = (i / (columns - 1), j / (rows - 1))",
     source: "Livny et al. 2008, section 3 (the persistent grid)",
     writes: &["grid_point"],

@@ -25,8 +25,10 @@ pub const INFO: Info = Info {
         Example::new(
             "[ViewGrid(size: (23, 17)), AspectImportance(size: (21, 17)), Warp(rounds: 2, least_gain: 0, uniform_share: 0.1)]",
         ),
-        Example::new("[ViewGrid(size: (19, 21)), AspectImportance(size: (9, 12)), Warp(rounds: 2, least_gain: 0, lead: 0)]")
-            .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
+        Example::new(
+            "[ViewGrid(size: (19, 21)), AspectImportance(size: (9, 12)), Warp(rounds: 2, least_gain: 0, lead: 0)]",
+        )
+        .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
         Example::new("[ViewGrid(size: (12, 14)), AspectImportance(size: (11, 13)), Warp(rounds: 2)]")
             .in_benches(&[("ViewGrid.size", "(512, 384)"), ("AspectImportance.size", "(64, 64)")]),
         Example::new("[ViewGrid(size: (17, 23)), AspectImportance(size: (5, 8)), Warp]")
@@ -143,8 +145,20 @@ impl Warp {
             let resample = self.step(chain, "resample", round, (size, grid))?.bind("importance", importance);
             resample.bind("map_before", map).bind("along_out", along).bind("down_out", down).over(size)?;
         }
-        let rows = chain.make("warp_rows", Elem::F32, &[size.y, wide], "", "where each row's column borders go; anything, if the last round was not needed");
-        let columns = chain.make("warp_columns", Elem::F32, &[size.x, high], "", "where each column's row borders go; anything, if the last round was not needed");
+        let rows = chain.make(
+            "warp_rows",
+            Elem::F32,
+            &[size.y, wide],
+            "",
+            "where each row's column borders go; anything, if the last round was not needed",
+        );
+        let columns = chain.make(
+            "warp_columns",
+            Elem::F32,
+            &[size.x, high],
+            "",
+            "where each column's row borders go; anything, if the last round was not needed",
+        );
         let map = make_map(chain, "warp_map", size);
         [rows, columns].into_iter().for_each(|id| chain.set_spread(id, Spread::Rows));
         let gave_way = self.gave_way(chain, size);
@@ -240,7 +254,8 @@ impl Warp {
             Some(residual) if round > 1 => residual,
             _ => chain.make("warp_residual", Elem::F32, &[self.rounds - 1], "", meaning),
         };
-        let surveys = chain.make("row_survey", Elem::F32, &[size.y, SURVEYED], "", "what is missing in each row, as sums");
+        let surveys =
+            chain.make("row_survey", Elem::F32, &[size.y, SURVEYED], "", "what is missing in each row, as sums");
         let work = chain.make("round_work", Elem::U32, &[3], "", "workgroups along x, y, z that walk lines");
         let survey = self.step(chain, "survey", round, (size, grid))?.bind("missing_along", along);
         survey.bind("missing_down", down).bind("survey_out", surveys).over(UVec2::new(size.y, 1))?;

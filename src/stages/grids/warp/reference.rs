@@ -176,8 +176,7 @@ fn spread(along: &Map, down: &Map) -> (f64, f64) {
         cells().map(|(along, down)| of(along, down) * demand(along, down)).sum::<f64>() / all
     };
     let means = [mean(&|along, _| along.0.log2()), mean(&|_, down| down.0.log2())];
-    let variance =
-        mean(&|along, down| (along.0.log2() - means[0]).powi(2) + (down.0.log2() - means[1]).powi(2));
+    let variance = mean(&|along, down| (along.0.log2() - means[0]).powi(2) + (down.0.log2() - means[1]).powi(2));
     // what either is off by shifts its logarithm and its demand; sums in f32 lose a rounding a term, of squares that are as large as these are
     // from the largest (nothing times infinity would be no number)
     let relative = |(value, bound): &(f64, f64)| (bound / value).min(1e30);

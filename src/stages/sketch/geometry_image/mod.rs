@@ -27,8 +27,10 @@ pub const INFO: Info = Info {
             "[HeightPyramid, SketchMap(texels: 8), SketchImportance, ViewGrid(size: (23, 17)), Warp, GeometryImage]",
         )
         .in_benches(&[("SketchMap.texels", "128"), ("ViewGrid.size", "(512, 512)")]),
-        Example::new("[HeightPyramid, SketchMap(texels: 7), ViewGrid(size: (7, 7)), GeometryImage(heights: SketchMap)]")
-            .in_benches(&[("SketchMap.texels", "128"), ("ViewGrid.size", "(512, 512)")]),
+        Example::new(
+            "[HeightPyramid, SketchMap(texels: 7), ViewGrid(size: (7, 7)), GeometryImage(heights: SketchMap)]",
+        )
+        .in_benches(&[("SketchMap.texels", "128"), ("ViewGrid.size", "(512, 512)")]),
     ],
     ..Info::EMPTY
 };

@@ -76,12 +76,14 @@ impl Stage for SketchMap {
         }
         let made = means.and_then(|means| chain.buffer(means).top_level).unwrap_or(u32::MAX);
         if made < top {
-            let message = format!("a sketch map can need level {top} of the mean pyramid, which is made up to level {made}");
+            let message =
+                format!("a sketch map can need level {top} of the mean pyramid, which is made up to level {made}");
             return Err(Diagnostic::input(message)
                 .at(chain.origin(), "this stage")
                 .help(format!("give `HeightPyramid` a `max_level` of at least {top}, or the map more texels")));
         }
-        let meaning = "column and row of the node that the north-west texel is, level of the nodes, texels along a side";
+        let meaning =
+            "column and row of the node that the north-west texel is, level of the nodes, texels along a side";
         let square = chain.make("sketch_square", Elem::I32, &[4], "", meaning);
         let dims = [self.texels; 2];
         let heights = chain.make("sketch_height", Elem::F32, &dims, "m", "height of each node in the square");
