@@ -92,12 +92,9 @@ fn a_node_keeps_its_height_while_the_camera_moves() {
         let heights: Vec<f32> = ran.read("sketch_height");
         for (at, height) in heights.iter().enumerate() {
             let node = corner / side + IVec2::new(at as i32 % texels, at as i32 / texels);
-            match known.insert((side, node.x, node.y), height.to_bits()) {
-                Some(before) => {
-                    again += 1;
-                    assert_eq!(before, height.to_bits(), "node {node} of {side} samples");
-                }
-                None => {}
+            if let Some(before) = known.insert((side, node.x, node.y), height.to_bits()) {
+                again += 1;
+                assert_eq!(before, height.to_bits(), "node {node} of {side} samples");
             }
         }
     }

@@ -33,6 +33,11 @@ impl AdapterSummary {
     pub fn identity(&self) -> String {
         format!("{} {} {}", self.name, self.backend, self.driver)
     }
+
+    /// The processor is the adapter.
+    pub fn is_software(&self) -> bool {
+        self.kind == format!("{:?}", wgpu::DeviceType::Cpu)
+    }
 }
 
 /// An open device. Errors that wgpu reports later end up in `failure`.

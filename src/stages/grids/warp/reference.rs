@@ -162,6 +162,9 @@ impl Warp {
 /// What is spread by less than this, in octaves, is left as it is; `LEAST_SPREAD` of the kernel.
 const LEAST_SPREAD: f64 = 0.1;
 
+/// A number of a cell, from what is missing along and down it, each with its bound.
+type OfCell<'a> = &'a dyn Fn(&(f64, f64), &(f64, f64)) -> f64;
+
 /// By how much what is missing is spread, in octaves: the root of the variances of its logarithms along rows and down columns, weighted by
 /// demand; and the bound of that.
 fn spread(along: &Map, down: &Map) -> (f64, f64) {
@@ -172,9 +175,7 @@ fn spread(along: &Map, down: &Map) -> (f64, f64) {
     if all == 0.0 {
         return (0.0, 0.0);
     }
-    let mean = |of: &dyn Fn(&(f64, f64), &(f64, f64)) -> f64| {
-        cells().map(|(along, down)| of(along, down) * demand(along, down)).sum::<f64>() / all
-    };
+    let mean = |of: OfCell| cells().map(|(along, down)| of(along, down) * demand(along, down)).sum::<f64>() / all;
     let means = [mean(&|along, _| along.0.log2()), mean(&|_, down| down.0.log2())];
     let variance = mean(&|along, down| (along.0.log2() - means[0]).powi(2) + (down.0.log2() - means[1]).powi(2));
     // what either is off by shifts its logarithm and its demand; sums in f32 lose a rounding a term, of squares that are as large as these are
