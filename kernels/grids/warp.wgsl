@@ -39,38 +39,38 @@ struct Params {
 @group(0) @binding(10) var<storage, read> warp_map: array<vec2<f32>>;
 @group(0) @binding(11) var<storage, read> relax_from: array<vec2<f32>>;
 /// How often each of these corners gave way, in the rounds before, and with this one.
-@group(0) @binding(33) var<storage, read> gave_way_before: array<u32>;
-@group(0) @binding(12) var<storage, read_write> gave_way: array<u32>;
+@group(0) @binding(12) var<storage, read> gave_way_before: array<u32>;
+@group(0) @binding(13) var<storage, read_write> gave_way: array<u32>;
 /// Workgroups along x, y and z that visit all corners of the map; none along x if it has no fold.
-@group(0) @binding(13) var<storage, read_write> fold_work: array<atomic<u32>>;
+@group(0) @binding(14) var<storage, read_write> fold_work: array<atomic<u32>>;
 /// Those that visit all cells of the grid; none along x if no round has folded anything. Then how much of the warp keeps every cell convex, as
 /// the bits of an f32.
-@group(0) @binding(14) var<storage, read_write> grid_work: array<atomic<u32>>;
-@group(0) @binding(15) var<storage, read> share: array<u32>;
+@group(0) @binding(15) var<storage, read_write> grid_work: array<atomic<u32>>;
+@group(0) @binding(16) var<storage, read> share: array<u32>;
 /// Those that visit them once more; none along x if the grid has no fold.
-@group(0) @binding(16) var<storage, read_write> left_work: array<atomic<u32>>;
+@group(0) @binding(17) var<storage, read_write> left_work: array<atomic<u32>>;
 /// For each line that was walked, its largest weight, and the sum of the squares of all as shares of that.
-@group(0) @binding(19) var<storage, read_write> masses_out: array<vec2<f32>>;
-@group(0) @binding(20) var<storage, read> line_masses: array<vec2<f32>>;
+@group(0) @binding(18) var<storage, read_write> masses_out: array<vec2<f32>>;
+@group(0) @binding(19) var<storage, read> line_masses: array<vec2<f32>>;
 /// For each line, how much it leads, and one over how much it is led in all.
-@group(0) @binding(21) var<storage, read_write> leads_out: array<vec2<f32>>;
-@group(0) @binding(22) var<storage, read> line_leads: array<vec2<f32>>;
-@group(0) @binding(23) var<storage, read> unled: array<f32>;
-@group(0) @binding(24) var<storage, read_write> led: array<f32>;
+@group(0) @binding(20) var<storage, read_write> leads_out: array<vec2<f32>>;
+@group(0) @binding(21) var<storage, read> line_leads: array<vec2<f32>>;
+@group(0) @binding(22) var<storage, read> unled: array<f32>;
+@group(0) @binding(23) var<storage, read_write> led: array<f32>;
 /// For each row of the map, its largest missing weight, and six sums over its cells: see `survey`.
-@group(0) @binding(25) var<storage, read> missing_along: array<f32>;
-@group(0) @binding(26) var<storage, read> missing_down: array<f32>;
-@group(0) @binding(27) var<storage, read_write> survey_out: array<f32>;
-@group(0) @binding(28) var<storage, read> surveys: array<f32>;
+@group(0) @binding(24) var<storage, read> missing_along: array<f32>;
+@group(0) @binding(25) var<storage, read> missing_down: array<f32>;
+@group(0) @binding(26) var<storage, read_write> survey_out: array<f32>;
+@group(0) @binding(27) var<storage, read> surveys: array<f32>;
 /// Workgroups along x, y and z that walk lines; none along x if this round is not needed.
-@group(0) @binding(29) var<storage, read_write> round_work: array<u32>;
+@group(0) @binding(28) var<storage, read_write> round_work: array<u32>;
 /// Workgroups along x, y and z that take a round back; none along x if it has left no fold.
-@group(0) @binding(32) var<storage, read_write> back_work: array<atomic<u32>>;
-@group(0) @binding(31) var<storage, read> round_needed: array<u32>;
+@group(0) @binding(29) var<storage, read_write> back_work: array<atomic<u32>>;
+@group(0) @binding(30) var<storage, read> round_needed: array<u32>;
 /// After each round but the last, by how much what is missing is spread.
-@group(0) @binding(30) var<storage, read_write> residual: array<f32>;
-@group(0) @binding(17) var<storage, read> uniform_point: array<vec2<f32>>;
-@group(0) @binding(18) var<storage, read_write> grid_point: array<vec2<f32>>;
+@group(0) @binding(31) var<storage, read_write> residual: array<f32>;
+@group(0) @binding(32) var<storage, read> uniform_point: array<vec2<f32>>;
+@group(0) @binding(33) var<storage, read_write> grid_point: array<vec2<f32>>;
 
 /// Where the share stands in `grid_work`.
 const SHARE: u32 = 3u;

@@ -145,19 +145,11 @@ impl Warp {
             let resample = self.step(chain, "resample", round, (size, grid))?.bind("importance", importance);
             resample.bind("map_before", map).bind("along_out", along).bind("down_out", down).over(size)?;
         }
-        let rows = chain.make(
-            "warp_rows",
-            Elem::F32,
-            &[size.y, wide],
-            "",
-            "where each row's column borders go; anything, if the last round was not needed",
-        );
-        let columns = chain.make(
-            "warp_columns",
-            Elem::F32,
-            &[size.x, high],
-            "",
-            "where each column's row borders go; anything, if the last round was not needed",
+        let [rows, columns] = [("warp_rows", size.y, wide, "column"), ("warp_columns", size.x, high, "row")].map(
+            |(name, lines, borders, of)| {
+                let meaning = format!("where each line's {of} borders go; anything, if the last round was not needed");
+                chain.make(name, Elem::F32, &[lines, borders], "", &meaning)
+            },
         );
         let map = make_map(chain, "warp_map", size);
         [rows, columns].into_iter().for_each(|id| chain.set_spread(id, Spread::Rows));
@@ -166,20 +158,8 @@ impl Warp {
             .map(|name| chain.make(name, Elem::U32, &[3], "", "workgroups along x, y, z that look after folds"));
         let begin = self.step(chain, "begin", round, (size, grid))?.bind("fold_work", folds);
         begin.bind("back_work", back).over(UVec2::ONE)?;
-        // rows and columns are walked by one function, of which each needs only half; a row is not made from the rows'
-        // warps, and any buffer will do for them
         let needed = if round > 0 { self.judge(chain, round, (size, grid), (along, down))? } else { None };
-        let (walked, masses) = self.walked(chain, "rows", (size.y, wide), rows);
-        let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", along).bind("rows_out", walked);
-        let walk = walk.bind("warp_rows", along).leave_unbound("columns_out").bind_or_leave("masses_out", masses);
-        over_lines(walk, needed, size.y)?;
-        self.lead(chain, "rows", (round, size, grid), (walked, rows), (masses, needed))?;
-        let (walked, masses) = self.walked(chain, "columns", (size.x, high), columns);
-        let walk =
-            self.step(chain, "columns", round, (size, grid))?.bind("importance", down).bind("columns_out", walked);
-        let walk = walk.bind("warp_rows", rows).leave_unbound("rows_out").bind_or_leave("masses_out", masses);
-        over_lines(walk, needed, size.x)?;
-        self.lead(chain, "columns", (round, size, grid), (walked, columns), (masses, needed))?;
+        self.walk(chain, (round, size, grid), (along, down), (rows, columns), needed)?;
         let compose =
             self.step(chain, "compose", round, (size, grid))?.bind("warp_rows", rows).bind("warp_columns", columns);
         let compose = compose.bind_or_leave("map_before", before.map(|before| before.map));
@@ -200,17 +180,34 @@ impl Warp {
         Ok(Round { map, gave_way })
     }
 
-    /// Where the warps of lines go before they are led, and how much each of them leads; the warps themselves, if nothing is led.
-    fn walked(
+    /// Where the borders of rows and of columns go.
+    fn walk(
         &self,
         chain: &mut Chain,
-        lines: &str,
-        (count, borders): (u32, u32),
-        led: BufferId,
-    ) -> (BufferId, Option<BufferId>) {
+        (round, size, grid): (u32, UVec2, UVec2),
+        (along, down): (BufferId, BufferId),
+        (rows, columns): (BufferId, BufferId),
+        needed: Option<BufferId>,
+    ) -> Result<(), Diagnostic> {
+        // both are walked by one function, of which each needs only half; a row is not made from the rows' warps, and any buffer will do for them
+        let (walked, masses) = self.walked(chain, "rows", rows);
+        let walk = self.step(chain, "rows", round, (size, grid))?.bind("importance", along).bind("rows_out", walked);
+        let walk = walk.bind("warp_rows", along).leave_unbound("columns_out").bind_or_leave("masses_out", masses);
+        over_lines(walk, needed, size.y)?;
+        self.lead(chain, "rows", (round, size, grid), (walked, rows), (masses, needed))?;
+        let (walked, masses) = self.walked(chain, "columns", columns);
+        let walk = self.step(chain, "columns", round, (size, grid))?.bind("importance", down);
+        let walk = walk.bind("warp_rows", rows).bind("columns_out", walked).leave_unbound("rows_out");
+        over_lines(walk.bind_or_leave("masses_out", masses), needed, size.x)?;
+        self.lead(chain, "columns", (round, size, grid), (walked, columns), (masses, needed))
+    }
+
+    /// Where the warps of lines go before they are led, and how much each of them leads; the warps themselves, if nothing is led.
+    fn walked(&self, chain: &mut Chain, lines: &str, led: BufferId) -> (BufferId, Option<BufferId>) {
         if self.lead == 0.0 {
             return (led, None);
         }
+        let (count, borders) = (chain.buffer(led).dims[0], chain.buffer(led).dims[1]);
         let meaning = "where borders go before their lines are led by others";
         let walked = chain.make(&format!("unled_{lines}"), Elem::F32, &[count, borders], "", meaning);
         let meaning = "the largest weight of each line, and the sum of the squares of all as shares of it";
@@ -254,8 +251,13 @@ impl Warp {
             Some(residual) if round > 1 => residual,
             _ => chain.make("warp_residual", Elem::F32, &[self.rounds - 1], "", meaning),
         };
-        let surveys =
-            chain.make("row_survey", Elem::F32, &[size.y, SURVEYED], "", "what is missing in each row, as sums");
+        let surveys = chain.make(
+            "row_survey",
+            Elem::F32,
+            &[size.y, SURVEYED],
+            "",
+            "of what is missing in each row: the largest, demand, means, squares",
+        );
         let work = chain.make("round_work", Elem::U32, &[3], "", "workgroups along x, y, z that walk lines");
         let survey = self.step(chain, "survey", round, (size, grid))?.bind("missing_along", along);
         survey.bind("missing_down", down).bind("survey_out", surveys).over(UVec2::new(size.y, 1))?;
