@@ -14,10 +14,11 @@ use lodlab::run::{self, Options, Truth};
 const SCENE: &str = "scene: (terrain: Noise(kind: Ridged, seed: 4, size: (1025, 1025), height_m: (0, 1500)), \
      camera: Still(eye: (15000, -200, 2600), look_at: (15000, 20000, 300), clearance_m: 200), viewport: (1024, 768))";
 
-/// A grid with an error of its own, and a list of triangles; both are shaded.
-const CHAINS: [(&str, &str); 2] = [
+/// A grid with an error of its own, a list of triangles, and a grid with a demand; all are shaded.
+const CHAINS: [(&str, &str); 3] = [
     ("grid", "HeightPyramid, ViewGrid, Project, GridError, Rasterize, Shade"),
     ("list", "HeightPyramid, Roughness, VertexSplitting(threshold_px: 2), TriangleSplitting, Rasterize, Shade"),
+    ("image", "HeightPyramid, SketchMap, SketchImportance, ViewGrid, Warp, GeometryImage, Rasterize, Shade"),
 ];
 
 fn measures(criterion: &mut Criterion) {

@@ -11,7 +11,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::look::Colours;
-use crate::plan::product::{Demand, Warped};
+use crate::plan::product::{Demand, Drawn, Warped};
 use crate::plan::{BufferId, Chain};
 
 pub const INFO: Info = Info {
@@ -65,7 +65,12 @@ pub struct Density {
 
 impl Measure for Density {
     fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
-        let Demand { importance, places, vertex }: Demand<BufferId> = chain.latest()?;
+        let demand: Option<Demand<BufferId>> = chain.products().latest();
+        let Some(Demand { importance, places, vertex }) = demand else {
+            // of what was drawn without a demand there is nothing to say
+            let drawn: Option<Drawn<BufferId>> = chain.products().latest();
+            return drawn.map(|_| Vec::new()).ok_or_else(|| chain.missing::<Demand<BufferId>>());
+        };
         chain.grid_size(vertex, Elem::Vec4F32)?;
         chain.check_own(importance)?;
         let mut needed = vec![importance, places, vertex];
