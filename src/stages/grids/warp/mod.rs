@@ -97,7 +97,7 @@ impl Stage for Warp {
         let importance = chain.read_as("importance", Elem::F32, &[rows, columns])?;
         let size = UVec2::new(columns, rows);
         let work = GridWork::new(chain);
-        let begin = self.step(chain, "begin_grid", 0, (size, grid))?.bind("grid_work", work.cells);
+        let begin = self.folds(chain, "begin_grid", 0, (size, grid))?.bind("grid_work", work.cells);
         begin.bind("left_work", work.folded).over(UVec2::ONE)?;
         let mut last = None;
         for round in 0..self.rounds {
@@ -105,9 +105,9 @@ impl Stage for Warp {
         }
         let Some(Round { map, gave_way }) = last else { return Ok(()) };
         chain.offer(Warped { gave_way, share: work.cells });
-        let step = self.step(chain, "find_grid_folds", self.rounds - 1, (size, grid))?.bind("warp_map", map);
+        let step = self.folds(chain, "find_grid_folds", self.rounds - 1, (size, grid))?.bind("warp_map", map);
         step.bind("uniform_point", points).bind("left_work", work.folded).over_indirect(work.cells)?;
-        let step = self.step(chain, "unfold", self.rounds - 1, (size, grid))?.bind("warp_map", map);
+        let step = self.folds(chain, "unfold", self.rounds - 1, (size, grid))?.bind("warp_map", map);
         step.bind("uniform_point", points).bind("grid_work", work.cells).over_indirect(work.folded)?;
         let meaning = "place in the square that the grid is over, (0, 0) to (1, 1)";
         let warped = chain.make("grid_point", Elem::Vec2F32, &[grid.y, grid.x], "", meaning);
@@ -156,7 +156,7 @@ impl Warp {
         let gave_way = self.gave_way(chain, size);
         let [folds, back] = ["fold_work", "back_work"]
             .map(|name| chain.make(name, Elem::U32, &[3], "", "workgroups along x, y, z that look after folds"));
-        let begin = self.step(chain, "begin", round, (size, grid))?.bind("fold_work", folds);
+        let begin = self.folds(chain, "begin", round, (size, grid))?.bind("fold_work", folds);
         begin.bind("back_work", back).over(UVec2::ONE)?;
         let needed = if round > 0 { self.judge(chain, round, (size, grid), (along, down))? } else { None };
         self.walk(chain, (round, size, grid), (along, down), (rows, columns), needed)?;
@@ -166,14 +166,14 @@ impl Warp {
         let compose = compose.bind_or_leave("gave_way_before", before.map(|before| before.gave_way));
         let compose = compose.bind("map_out", map).bind("gave_way", gave_way);
         compose.bind_or_leave("round_needed", needed).over(UVec2::new(wide, high))?;
-        let find = self.step(chain, "find_folds", round, (size, grid))?.bind("warp_map", map);
+        let find = self.folds(chain, "find_folds", round, (size, grid))?.bind("warp_map", map);
         let find = find.bind("fold_work", folds).bind("grid_work", work.cells);
         find.bind_or_leave("round_needed", needed).over(size)?;
         self.give_way(chain, round, (size, grid), [map, folds, gave_way])?;
         if let Some(before) = before {
-            let find = self.step(chain, "find_left", round, (size, grid))?.bind("warp_map", map);
+            let find = self.folds(chain, "find_left", round, (size, grid))?.bind("warp_map", map);
             find.bind("back_work", back).over_indirect(folds)?;
-            let take_back = self.step(chain, "take_back", round, (size, grid))?.bind("map_before", before.map);
+            let take_back = self.folds(chain, "take_back", round, (size, grid))?.bind("map_before", before.map);
             let take_back = take_back.bind("map_out", map).bind("gave_way_before", before.gave_way);
             take_back.bind("gave_way", gave_way).over_indirect(back)?;
         }
@@ -290,10 +290,24 @@ impl Warp {
         let other = make_map(chain, "relaxed_map", size);
         // the last one leaves the map where it was, and none of them begins without a fold
         for (from, to) in [(map, other), (other, map)].into_iter().cycle().take(RELAXATIONS) {
-            let relax = self.step(chain, "relax", round, (size, grid))?.bind("relax_from", from).bind("map_out", to);
+            let relax = self.folds(chain, "relax", round, (size, grid))?.bind("relax_from", from).bind("map_out", to);
             relax.bind("gave_way", gave_way).over_indirect(work)?;
         }
         Ok(())
+    }
+
+    /// A step that does something about folds.
+    fn folds<'c, 'a>(
+        &self,
+        chain: &'c mut Chain<'a>,
+        entry: &str,
+        round: u32,
+        (size, grid): (UVec2, UVec2),
+    ) -> Result<StepBuilder<'c, 'a>, Diagnostic> {
+        let kernel = chain.kernel("grids/warp_folds.wgsl")?;
+        let step = chain.step(&format!("{entry} {}", round + 1), &kernel, entry);
+        let step = step.constant("MAY_END", f64::from(round > 0 && self.least_gain > 0.0));
+        Ok(step.set("size", size.to_array()).set("grid", grid.to_array()))
     }
 
     fn step<'c, 'a>(

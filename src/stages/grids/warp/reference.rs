@@ -36,11 +36,11 @@ impl Reference for Warp {
             for _ in 0..RELAXATIONS {
                 map = map.relaxed(&mut gave_way);
             }
+            folds.0 |= gave_way.value.iter().any(|&times| times > 0.0);
+            folds.1 |= gave_way.bound.iter().any(|&times| times > 0.0);
             if round > 0 {
                 map.taken_back_if_folded(&mut gave_way, before);
             }
-            folds.0 |= gave_way.value.iter().any(|&times| times > 0.0);
-            folds.1 |= gave_way.bound.iter().any(|&times| times > 0.0);
             last = Some((rows, columns));
         }
         let points = buffers.get("grid_point")?;
