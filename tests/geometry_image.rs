@@ -284,6 +284,8 @@ fn a_wall_hides_what_is_behind_it() {
         let beside = seen(eye);
         assert!((0..15).all(|x| factors_at(&beside, (x, 15))[2] == 1.0), "{eye}");
     }
+    // below the plateau's edge, there is no ground before it that could hide it
+    assert_eq!(factors_at(&seen("(-900, 1550, 200)"), (0, 15))[2], 1.0);
 }
 
 /// What is farther than asked for is cut off, and a map of an eye that is farther from the terrain than that has four samples at least.
