@@ -361,7 +361,7 @@ fn kernel_cases() -> Vec<Case> {
         with_kernel("WGSL without the entry point", "fn main", "fn start"),
         with_kernel("WGSL in another group", "@group(0) @binding(1)", "@group(1) @binding(1)"),
         with_kernel("WGSL element type", "dst: array<f32>", "dst: array<u32>"),
-        with_kernel("WGSL include of nothing", "struct", "//!include lib/teapot.wgsl\nstruct"),
+        with_kernel("WGSL include of nothing", "struct", "//!include lib/places.wgsl\nstruct"),
         with_kernel("WGSL that is no compute kernel", "@compute @workgroup_size(8, 8)\nfn main(@builtin(global_invocation_id) id: vec3<u32>) {\n    dst[id.x] = params.scale * src[id.x];", "@fragment\nfn main() {\n    dst[0] = params.scale * src[0];"),
         Case {
             kernel: KERNEL.replace("params.scale *", "more.scale * params.scale *") + "@group(0) @binding(3) var<uniform> more: Params;\n",
