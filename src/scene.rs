@@ -182,7 +182,7 @@ impl SceneData {
         self.inputs.iter().find(|input| input.name == name)
     }
 
-    /// The frames that measures look at, as one hash: cameras in f64, viewport and surface.
+    /// The frames that measures look at, as one hash: cameras in f64, viewport, surface and octaves.
     pub fn fingerprint(&self) -> String {
         let mut hasher = blake3::Hasher::new();
         for camera in self.cameras() {
@@ -195,6 +195,9 @@ impl SceneData {
             hasher.update(&camera.viewport.1.to_le_bytes());
         }
         hasher.update(&[self.scene.surface as u8]);
+        if let Some(detail) = self.ground.detail() {
+            hasher.update(detail.identity().as_bytes());
+        }
         hasher.finalize().to_hex().as_str()[..32].to_string()
     }
 }

@@ -5,11 +5,14 @@
 
 struct Params {
     terrain: Terrain,
+    octaves: Octaves,
     /// Columns and rows of grid points.
     grid: vec2<u32>,
     projector: Projector,
     /// Coarsest level that is sampled.
     max_level: u32,
+    /// Octaves less in the mesh than its vertices could hold.
+    bias: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -45,9 +48,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let here = ground_of(id.xy);
     var reach = 0.0;
-    if !FINEST {
+    if !FINEST || OCTAVES {
         reach = extent(id.xy, here);
     }
-    let found = height_for(cells_from_world(params.terrain, here), reach);
+    let cells = cells_from_world(params.terrain, here);
+    let found = with_octaves(height_for(cells, reach), cells, reach);
     vertex[id.y * params.grid.x + id.x] = vec4(here, relative_height(params.terrain, found.x), found.y);
 }

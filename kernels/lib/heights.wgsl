@@ -1,9 +1,10 @@
 //!include lib/terrain.wgsl
 //!include ground
+//!include ground/octaves.wgsl
 // Heights of vertices from the mean pyramid, at the level that fits a cell's extent (Livny et al. 2008, Eq. 6; Loeffler et al. 2009, Eq. 1).
 //
-// A kernel that includes this binds `height_mean`, and has `terrain: Terrain` and `max_level`, the coarsest level that is sampled, in its
-// parameters.
+// A kernel that includes this binds `height_mean`, and has in its parameters `terrain: Terrain`, `max_level`, the coarsest level that is
+// sampled, `octaves: Octaves` and `bias`, how many octaves less a mesh has than its vertices could hold.
 
 /// Sample the finest level only.
 override FINEST: bool = false;
@@ -53,4 +54,28 @@ fn height_for(cells: vec2<f32>, extent: f32) -> vec2<f32> {
     }
     let coarser = min(finer + 1u, params.max_level);
     return vec2(mix(height_m, height_at(coarser, inside), level - f32(finer)), level);
+}
+
+/// Up to which octave vertices hold the surface whose farthest neighbour is `extent` cells away (Dachsbacher, Stamminger 2004, Eq. 1, with
+/// d0 a cell). One more than there are is all of them.
+fn split_octave(extent: f32) -> f32 {
+    return clamp(-log2(max(extent, 1e-12)) - params.bias, 0.0, f32(params.octaves.count + 1u));
+}
+
+/// Height and level of a vertex with the octaves that it can hold: all below the split octave, and the one that it is in by its fraction. The
+/// level is less by the split octave, so that below 0 it is this.
+fn with_octaves(found: vec2<f32>, cells: vec2<f32>, extent: f32) -> vec2<f32> {
+    if !OCTAVES {
+        return found;
+    }
+    let split = split_octave(extent);
+    let origin = vec2<f32>(params.terrain.eye_cell) + params.terrain.eye_fraction;
+    let place = octave_place(clamp(cells, -origin, vec2<f32>(params.terrain.size - 1u) - origin));
+    var height_m = found.x;
+    var amplitude_m = params.octaves.amplitude_m;
+    for (var k = 1u; k <= params.octaves.for_meshes && f32(k) < split; k++) {
+        height_m += min(split - f32(k), 1.0) * amplitude_m * octave_noise(place, k).x;
+        amplitude_m *= params.octaves.persistence;
+    }
+    return vec2(height_m, found.y - split);
 }

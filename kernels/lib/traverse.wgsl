@@ -1,9 +1,10 @@
 //!include ground as image
 //!include ground/foreground.wgsl
+//!include ground/octaves.wgsl
 // First hit of a ray with the full-resolution surface, by traversal of the maximum pyramid (Tevs, Ihrke, Seidel 2008) and a
 // sign test at cell borders that leaves no gap between cells.
 //
-// A kernel that includes this has `terrain: Terrain` and `foreground: Foreground` in its parameters. A ray's parameter t is its distance along the view direction.
+// A kernel that includes this has `terrain: Terrain`, `foreground: Foreground` and `octaves: Octaves` in its parameters. A ray's parameter t is its distance along the view direction.
 
 /// A ray may be under the surface (the eye is under it or outside the terrain): the minimum pyramid is needed.
 override UNDERSIDE: bool = false;
@@ -60,7 +61,7 @@ fn may_hit_foreground(ray: Ray, t: f32, side: f32) -> bool {
     let tx = crossing(ray.inverse.x, far.x, params.terrain.eye_cell.x, params.terrain.eye_fraction.x);
     let ty = crossing(ray.inverse.y, far.y, params.terrain.eye_cell.y, params.terrain.eye_fraction.y);
     let ends = ray.direction.z * vec2(t, min(min(tx, ty), vertical_end(ray)));
-    let range = params.foreground.range_m;
+    let range = params.foreground.range_m + vec2(-1.0, 1.0) * octaves_most_m();
     return select(max(ends.x, ends.y) >= range.x, min(ends.x, ends.y) <= range.y, side > 0.0);
 }
 
@@ -169,10 +170,73 @@ fn bound(level: u32, node: vec2<i32>, side: f32) -> f32 {
     let index = ground_node(level, vec2<u32>(node));
     if UNDERSIDE {
         if side < 0.0 {
-            return ground_lowest(index);
+            return ground_lowest(index) - octaves_most_m();
         }
     }
-    return ground_highest(index);
+    return ground_highest(index) + octaves_most_m();
+}
+
+/// The most that octaves add to the surface between samples, or take from it.
+fn octaves_most_m() -> f32 {
+    if OCTAVES {
+        return params.octaves.most_m;
+    }
+    return 0.0;
+}
+
+/// What octaves add at relative sample coordinates.
+fn octaves_m(cells: vec2<f32>) -> f32 {
+    var sum = 0.0;
+    if OCTAVES {
+        let place = octave_place(cells);
+        var amplitude_m = params.octaves.amplitude_m;
+        for (var k = 1u; k <= params.octaves.count; k++) {
+            sum += amplitude_m * octave_noise(place, k).x;
+            amplitude_m *= params.octaves.persistence;
+        }
+    }
+    return sum;
+}
+
+/// The most steps of a ray over the octaves of one cell.
+const MOST_STEPS: u32 = 1024u;
+
+/// The first t in [t0, t1] at which a ray is all but at the surface with its octaves inside the cell, or FAR. No step is longer than the
+/// surface needs to come to the ray at its steepest, and octaves that cannot matter are not asked.
+fn hit_in_octaves(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
+    let h = relative_corners(cell);
+    // how fast the surface between samples comes to the ray, on either side of the diagonal
+    let along = vec2(max(side * ray.direction.x * (h.y - h.x), side * ray.direction.x * (h.w - h.z)),
+                     max(side * ray.direction.y * (h.z - h.x), side * ray.direction.y * (h.w - h.y)));
+    let falls = max(along.x + along.y - side * ray.direction.z, 0.0) * 1.00001 + 1e-20;
+    let ground = length(ray.direction.xy) * OCTAVE_STEEPEST;
+    var t = t0;
+    for (var tries = 0u; tries < MOST_STEPS; tries++) {
+        let place = octave_place(ray.direction.xy * t);
+        var over = side * above(ray, t, cell);
+        var amplitude_m = params.octaves.amplitude_m;
+        var rest_m = params.octaves.most_m;
+        var speed = falls;
+        var step = (over - rest_m) / speed;
+        var k = 1u;
+        while k <= params.octaves.count && step <= t1 - t {
+            over -= side * amplitude_m * octave_noise(place, k).x;
+            speed += amplitude_m * octave_cells(k) * ground;
+            rest_m = max(rest_m * 1.000001 - amplitude_m, 0.0);
+            rest_m = select(rest_m, 0.0, k == params.octaves.count);
+            step = max(step, (over - rest_m) / speed);
+            amplitude_m *= params.octaves.persistence;
+            k += 1u;
+        }
+        if step <= t1 - t && over <= params.octaves.near * t {
+            return t;
+        }
+        t = max(t + step, t * 1.0000003);
+        if t >= t1 {
+            return FAR;
+        }
+    }
+    return t;
 }
 
 /// Whether a ray comes so close to the surface in the cells next to the eye that it may meet it there.
@@ -226,7 +290,7 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
     var t = t_in;
     var side = 1.0;
     if UNDERSIDE {
-        side = select(-1.0, 1.0, above(ray, t, cell) >= 0.0);
+        side = select(-1.0, 1.0, above(ray, t, cell) >= octaves_m(ray.direction.xy * t));
     }
     if HAS_FOREGROUND {
         // a loop of its own and no branch in the next one: software adapters go through what they skip, but for loops
@@ -239,7 +303,12 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
             let tx = crossing(ray.inverse.x, line.x, terrain.eye_cell.x, terrain.eye_fraction.x);
             let ty = crossing(ray.inverse.y, line.y, terrain.eye_cell.y, terrain.eye_fraction.y);
             let t_exit = max(t, min(tx, ty));
-            let hit = hit_in_foreground(ray, number, t, min(t_exit, vertical_end(ray)), side);
+            var hit: f32;
+            if OCTAVES {
+                hit = hit_in_octaves(ray, cell, t, min(t_exit, vertical_end(ray)), side);
+            } else {
+                hit = hit_in_foreground(ray, number, t, min(t_exit, vertical_end(ray)), side);
+            }
             if hit < FAR {
                 return hit;
             }
@@ -261,7 +330,12 @@ fn first_hit(direction_m: vec3<f32>, clear: f32) -> f32 {
         let t_exit = max(t, min(tx, ty));
         if level == 0u {
             // straight down, no line is ever crossed: the cell is left at the end of the world
-            let hit = hit_in_cell(ray, cell, t, min(t_exit, vertical_end(ray)), side);
+            var hit: f32;
+            if OCTAVES {
+                hit = hit_in_octaves(ray, cell, t, min(t_exit, vertical_end(ray)), side);
+            } else {
+                hit = hit_in_cell(ray, cell, t, min(t_exit, vertical_end(ray)), side);
+            }
             if hit < FAR {
                 return hit;
             }

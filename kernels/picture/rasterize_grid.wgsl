@@ -18,13 +18,14 @@ struct Params {
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
-/// x, y, z in metres from the eye; w: the normalised error of a grid point (Paper), metres it was raised (Proven).
+/// x, y, z in metres from the eye; w: the level of a grid point, its normalised error (Paper), metres it was raised (Proven).
 @group(0) @binding(1) var<storage, read> vertex: array<vec4<f32>>;
 /// For both triangles of a cell: lowest and highest of surface minus plane, in metres.
 @group(0) @binding(2) var<storage, read> cell_bound: array<vec4<f32>>;
 @group(0) @binding(3) var drawn: texture_2d<u32>;
 @group(0) @binding(4) var<storage, read_write> distance: array<f32>;
-@group(0) @binding(5) var<storage, read_write> error: array<f32>;
+/// What the mesh carries: its error, or its level.
+@group(0) @binding(5) var<storage, read_write> carried: array<f32>;
 /// For each tile of pixels, a depth that all its rays reach without a hit.
 @group(0) @binding(6) var<storage, read> clear_until: array<f32>;
 
@@ -56,7 +57,7 @@ struct Drawn {
     @builtin(position) position: vec4<f32>,
     /// Sample coordinates relative to the eye, to cut the mesh at the terrain's border.
     @location(0) cells: vec2<f32>,
-    /// Interpolated: the error of a grid point (Paper); how much of two of the corners is in a place of the triangle (Proven).
+    /// Interpolated: the error of a grid point (Paper), or its level; how much of two of the corners is in a place of the triangle (Proven).
     @location(1) carried: vec2<f32>,
     /// The triangle's normal, upwards, and its product with a corner.
     @location(2) @interpolate(flat, first) plane: vec4<f32>,
@@ -195,7 +196,7 @@ fn keep(drawn: Drawn) -> @location(0) u32 {
 }
 
 @fragment
-fn keep_error(drawn: Drawn) -> @location(0) vec2<u32> {
+fn keep_carried(drawn: Drawn) -> @location(0) vec2<u32> {
     let is_within = !PROVEN || is_within(drawn.carried);
     if is_air(drawn.cells) {
         return vec2(0u);
@@ -220,7 +221,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 @compute @workgroup_size(8, 8)
-fn resolve_error(@builtin(global_invocation_id) id: vec3<u32>) {
+fn resolve_carried(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= params.camera.viewport) {
         return;
     }
@@ -233,5 +234,5 @@ fn resolve_error(@builtin(global_invocation_id) id: vec3<u32>) {
         let tiles = (params.camera.viewport.x + TILE - 1u) / TILE;
         uncovered = select(1.0, 0.0, clear_until[(id.y / TILE) * tiles + id.x / TILE] > FARTHEST);
     }
-    error[index] = select(bitcast<f32>(bits.y), uncovered, bits.x == 0u);
+    carried[index] = select(bitcast<f32>(bits.y), uncovered, bits.x == 0u);
 }

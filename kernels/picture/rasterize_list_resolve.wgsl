@@ -7,6 +7,7 @@
 struct Params {
     camera: Camera,
     terrain: Terrain,
+    octaves: Octaves,
     foreground: Foreground,
 }
 

@@ -2,11 +2,13 @@
 //!include lib/terrain.wgsl
 //!include lib/relief.wgsl
 //!include ground as image
+//!include ground/octaves.wgsl
 // Distances to a picture: hypsometric tint or a map of colours, sun on the normal of the full-resolution terrain, sky.
 
 struct Params {
     camera: Camera,
     terrain: Terrain,
+    octaves: Octaves,
     relief: Relief,
     /// Unit vector to the sun.
     sun: vec3<f32>,
@@ -22,6 +24,13 @@ struct Params {
 /// Colours of the ground, red in the lowest byte; the first and last columns and rows are on the terrain's border.
 @group(0) @binding(3) var<storage, read> colour_map: array<u32>;
 
+/// Pyramid level of the mesh at each pixel, less its split octave.
+@group(0) @binding(4) var<storage, read> mesh_level: array<f32>;
+
+/// Octaves turn the normal,
+override LIT: bool = true;
+/// and only those that the mesh holds.
+override BY_MESH: bool = false;
 /// The ground has a colour of its own.
 override MAP: bool = false;
 override TINT: bool = true;
@@ -37,9 +46,23 @@ fn tint(share: f32) -> vec3<f32> {
     return mix(high, vec3(0.97, 0.97, 0.98), clamp(at - 3.0, 0.0, 1.0));
 }
 
-/// Unit normal in the world, from central differences blended bilinearly between the four samples around.
-fn normal(position_m: vec2<f32>) -> vec3<f32> {
-    let place = cells_from_world(params.terrain, position_m) + params.terrain.eye_fraction;
+/// Slope of the octaves below a split, and of the one it is in by its fraction, in metres a cell.
+fn octaves_slope(cells: vec2<f32>, split: f32) -> vec2<f32> {
+    var slope = vec2(0.0);
+    let place = octave_place(cells);
+    var amplitude_m = params.octaves.amplitude_m;
+    for (var k = 1u; k <= params.octaves.for_light && f32(k) < split; k++) {
+        let weight = min(split - f32(k), 1.0) * amplitude_m * octave_cells(k);
+        slope += weight * octave_noise(place, k).yz;
+        amplitude_m *= params.octaves.persistence;
+    }
+    return slope;
+}
+
+/// Unit normal in the world, from central differences blended bilinearly between the four samples around, and octaves up to a split.
+fn normal(position_m: vec2<f32>, split: f32) -> vec3<f32> {
+    let cells = cells_from_world(params.terrain, position_m);
+    let place = cells + params.terrain.eye_fraction;
     let whole = vec2<i32>(floor(place));
     let w = place - vec2<f32>(whole);
     let at = whole + params.terrain.eye_cell;
@@ -51,7 +74,11 @@ fn normal(position_m: vec2<f32>) -> vec3<f32> {
     // metres a cell; upper left, upper right, lower left, lower right as in `ground_four`
     let east = 0.5 * (vec4(ne.z, ne.w, se.x, se.y) - vec4(nw.z, nw.w, sw.x, sw.y));
     let south = 0.5 * (vec4(sw.y, se.x, sw.w, se.z) - vec4(nw.y, ne.x, nw.w, ne.z));
-    let slope = vec2(blend(east, w), blend(south, w)) / params.terrain.cell_m;
+    var rise = vec2(blend(east, w), blend(south, w));
+    if OCTAVES && LIT {
+        rise += octaves_slope(cells, split);
+    }
+    let slope = rise / params.terrain.cell_m;
     // rows run south, y runs north
     return normalize(vec3(-slope.x, slope.y, 1.0));
 }
@@ -102,7 +129,17 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             shade = map_colour(position_m.xy);
         }
         if SUN {
-            let light = max(dot(normal(position_m.xy), params.sun), 0.0);
+            var split = 0.0;
+            if OCTAVES {
+                // waves of two pixels, whose size is the depth times what a step of a pixel is at the depth 1
+                let depth = along / length(view_ray_of_pixel(params.camera, id.xy));
+                let pixel_m = length(params.camera.right_hi + params.camera.right_lo) * depth;
+                split = log2(max(params.terrain.cell_m.x, params.terrain.cell_m.y) / max(pixel_m, 1e-12));
+            }
+            if BY_MESH {
+                split = -mesh_level[index];
+            }
+            let light = max(dot(normal(position_m.xy, split), params.sun), 0.0);
             shade *= params.ambient + (1.0 - params.ambient) * light;
         }
     }

@@ -9,6 +9,7 @@
 struct Params {
     camera: Camera,
     terrain: Terrain,
+    octaves: Octaves,
     foreground: Foreground,
 }
 

@@ -9,6 +9,7 @@
 struct Params {
     camera: Camera,
     terrain: Terrain,
+    octaves: Octaves,
     view: View,
     /// Elements that the list has room for.
     length: u32,

@@ -5,12 +5,15 @@
 
 struct Params {
     terrain: Terrain,
+    octaves: Octaves,
     /// Columns and rows of grid points.
     grid: vec2<u32>,
     /// Texels along a side of the sketch map.
     texels: u32,
     /// Coarsest level that is sampled.
     max_level: u32,
+    /// Octaves less in the mesh than its vertices could hold.
+    bias: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -60,16 +63,17 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let side = texel_samples(square) * f32(params.texels);
     let place = place_of_point(id.xy);
     let cells = square_start(params.terrain, square) + place * side;
+    var reach = 0.0;
+    if OCTAVES || !(FINEST || SKETCH_HEIGHTS) {
+        reach = extent(id.xy, side);
+    }
     var found: vec2<f32>;
     if SKETCH_HEIGHTS {
         found = vec2(sketch_at(place), f32(square.level));
     } else {
-        var reach = 0.0;
-        if !FINEST {
-            reach = extent(id.xy, side);
-        }
         found = height_for(cells, reach);
     }
+    found = with_octaves(found, cells, reach);
     let here = world_from_cells(params.terrain, cells);
     vertex[id.y * params.grid.x + id.x] = vec4(here, relative_height(params.terrain, found.x), found.y);
 }

@@ -10,6 +10,8 @@ pub struct Case {
     /// What stands between `scene: (` and `)`.
     pub scene: String,
     pub examples: Vec<&'static Example>,
+    /// Stages may refuse it: over octaves, those that know samples only.
+    pub is_for_some: bool,
 }
 
 /// The examples of all stages, less those that are part of another one: a chain whose stages all stand in a longer one, in their order, is
@@ -52,7 +54,7 @@ fn case(name: String, terrain: &str, surface: Surface, camera: &str, examples: &
     let fits = |example: &&&'static Example| example.only_on.is_none_or(|only| only == surface);
     let examples = examples.iter().filter(fits).copied().collect();
     let scene = format!("terrain: {terrain}, surface: {surface:?}, camera: {camera}, viewport: (67, 45)");
-    Case { name: format!("{name} {surface:?}"), scene, examples }
+    Case { name: format!("{name} {surface:?}"), scene, examples, is_for_some: terrain.contains("octaves: ") }
 }
 
 /// The examples of one stage, or of all.
@@ -110,6 +112,17 @@ pub fn cases(stage: Option<&str>) -> Result<Vec<Case>, Diagnostic> {
             "Flight(frames: 4, clearance_m: 20, keys: [(eye: (200, 200, 1500), look_at: (1300, 1500, 300)), (eye: (260, 230, 1490), look_at: (1320, 1500, 300))])",
         ),
     ];
+    // what stands behind the terrain is part of the scene, too
+    let detailed = |detail: &str| format!("{rough}, detail: ({detail})");
+    let six = detailed("octaves: 6, amplitude_m: 2.5, seed: 3");
+    let thirty = detailed("octaves: 30, amplitude_m: 4, persistence: 0.45, origin: (10000000, -10000000)");
+    let views = views.into_iter().chain([
+        ("octaves", six.as_str(), orbit),
+        ("octaves ground", &six, "Still(eye: (1300, 1500, 0), yaw_deg: 30, pitch_deg: -20, clearance_m: 2)"),
+        ("octaves far", &six, "Still(eye: (-40000, -30000, 9000), look_at: (1300, 1500, 500))"),
+        ("octaves under", &six, "Still(eye: (1300, 1500, -500), yaw_deg: 10, pitch_deg: 30)"),
+        ("octaves thirty", &thirty, "Still(eye: (1300, 1500, 0), yaw_deg: 30, pitch_deg: -30, clearance_m: 0.5)"),
+    ]);
     let of_terrains = terrains.into_iter().map(|(name, terrain)| (name, terrain, orbit));
     let all = of_terrains.chain(views);
     let case = |(name, terrain, camera): (&str, &str, &str)| {

@@ -22,6 +22,9 @@ pub struct Scene {
     /// How adapters hold the height samples. Default: `Auto`.
     #[serde(default)]
     pub held_as: Held,
+    /// What the surface does between samples that no sample says.
+    #[serde(default)]
+    pub detail: Detail,
     /// What the ground looks like, for `Shade`. Default: its height in colours.
     #[serde(default)]
     pub colour: Option<Colour>,
@@ -65,6 +68,33 @@ pub enum Held {
     Auto,
     Array,
     Image,
+}
+
+/// Procedural octaves over the surface: noise of frequency 2^k / (2 d0), k = 1, 2, .., d0 the distance of the samples
+/// (Dachsbacher, Stamminger 2004, section 4.1). They are part of the ground: ground truth and cameras know all of them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Detail {
+    /// How many, each with half the wavelength of the one before. Default: 0, nothing is added.
+    #[schemars(range(min = 0, max = 30))]
+    pub octaves: u32,
+    /// The most that the first octave adds or takes, in metres. Default: 1.
+    #[schemars(extend("minimum" = 0))]
+    pub amplitude_m: f64,
+    /// Amplitude ratio of neighbouring octaves. Default: 0.5, every octave is as steep as the one before.
+    #[schemars(extend("minimum" = 0, "maximum" = 1))]
+    pub persistence: f64,
+    /// Other seeds, other octaves. Default: 0.
+    pub seed: u32,
+    /// Where the first sample (north-west) is in the octaves, in whole cells to the east and to the south. Default: (0, 0). A part of a
+    /// larger terrain has the octaves of the whole with the place it was cut from.
+    pub origin: (i32, i32),
+}
+
+impl Default for Detail {
+    fn default() -> Self {
+        Self { octaves: 0, amplitude_m: 1.0, persistence: 0.5, seed: 0, origin: (0, 0) }
+    }
 }
 
 /// A map of colours that lies on the ground; its first and last columns and rows are on the terrain's border.
@@ -422,6 +452,7 @@ pub const PARTS: &[Part] = &[
     part("scene.terrain", "Dem", schema::<Dem>),
     part("scene.terrain", "Noise", schema::<Noise>),
     part("scene.terrain", "Shape", schema::<Shape>),
+    part("scene.detail", "", schema::<Detail>),
     part("scene.colour", "Image", schema::<ColourImage>),
     part("scene.colour", "Cover", schema::<Cover>),
     part("scene.camera", "Still", schema::<Still>),

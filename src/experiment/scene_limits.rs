@@ -1,7 +1,8 @@
 //! What a scene may not say, each mistake where it was written.
 
 use super::diagnostic::{Diagnostic, Origin};
-use super::scene::{Camera, Scene};
+use super::parameters;
+use super::scene::{Camera, Detail, Scene};
 use super::tree::{Kind, Node};
 
 /// Sizes above these are refused before anything is allocated.
@@ -18,6 +19,10 @@ pub fn check(scene: &Scene, node: &Node) -> Result<(), Diagnostic> {
     check_picture(scene, node)?;
     check_camera(scene, node)?;
     check_exclusive(node)?;
+    if let Some(detail) = node.field("detail") {
+        let values = serde_json::to_value(scene.detail).unwrap_or_default();
+        parameters::check_ranges(&values, &parameters::schema::<Detail>(), detail)?;
+    }
     if !(0.0..=1.0).contains(&scene.light.ambient) {
         let light = node.field("light").unwrap_or(node);
         let message = format!("a share of light of {}", scene.light.ambient);

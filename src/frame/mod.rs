@@ -6,6 +6,7 @@
 mod camera;
 mod foreground;
 mod motion;
+pub mod octaves;
 pub mod projector;
 mod pyramid;
 pub mod relief;
@@ -93,6 +94,7 @@ pub const BLOCKS: &[Block] = &[
     relief::BLOCK,
     pyramid::BLOCK,
     foreground::BLOCK,
+    octaves::BLOCK,
     visible_ground::BLOCK,
 ];
 

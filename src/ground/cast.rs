@@ -39,6 +39,17 @@ fn first_sign_change(f: impl Fn(f64) -> f64, start: f64, end: f64) -> Option<f64
     }
 }
 
+/// What of a part of a ray is between the lowest and the highest that there is.
+pub fn among((low_m, high_m): (f64, f64), ray: &Ray, (from, to): (f64, f64)) -> (f64, f64) {
+    let reaches = |height_m: f64| (height_m - ray.eye_m.z) / ray.direction.z;
+    let (low, high) = (reaches(low_m), reaches(high_m));
+    // of a level ray, nothing is left out
+    if !(low.is_finite() && high.is_finite()) {
+        return (from, to);
+    }
+    (from.max(low.min(high).min(to)), to.min(low.max(high).max(from)))
+}
+
 /// 1 for a ray that comes to a place over the surface, -1 under it.
 pub fn side(ground: &(impl Ground + ?Sized), ray: &Ray, enter: f64) -> f64 {
     if ground.above_m(ray.at(enter)) >= 0.0 { 1.0 } else { -1.0 }
@@ -57,11 +68,14 @@ const FINEST: u32 = 2;
 
 /// A ray in sample coordinates, and from where it comes.
 struct Walk<'a> {
-    ground: &'a dyn Ground,
     ray: &'a Ray,
     origin: DVec2,
     direction: DVec2,
     side: f64,
+    /// How far the surface can be above or below the heights of the nodes.
+    beyond_m: f64,
+    /// The first hit in a part of the ray that no node excludes.
+    in_part: &'a dyn Fn((f64, f64)) -> Option<f64>,
 }
 
 impl Nodes {
@@ -94,12 +108,25 @@ impl Nodes {
 
     /// `ground` is the one that the nodes are of.
     pub fn first_hit(&self, ground: &dyn Ground, ray: &Ray) -> Option<f64> {
-        let (enter, leave) = ground.stay(ray)?;
+        let side = side(ground, ray, ground.stay(ray)?.0);
+        self.first_in(ground, ray, (side, 0.0), &|part| first_hit_in(ground, ray, part, side))
+    }
+
+    /// The first place that is found in one of the parts of a ray, each short, in which it can meet what is up to `beyond_m` above or below
+    /// the surface between samples. On the other side of it are no hits: `side` is 1 for a ray that comes from over the surface.
+    pub fn first_in(
+        &self,
+        ground: &dyn Ground,
+        ray: &Ray,
+        (side, beyond_m): (f64, f64),
+        in_part: &dyn Fn((f64, f64)) -> Option<f64>,
+    ) -> Option<f64> {
+        let part = ground.stay(ray)?;
         let lattice = ground.lattice();
         let origin = lattice.sample_from_world(ray.eye_m.truncate());
         let direction = lattice.cells_from_world(ray.direction.truncate());
-        let side = side(ground, ray, enter);
-        self.visit(&Walk { ground, ray, origin, direction, side }, self.levels.len() - 1, UVec2::ZERO, (enter, leave))
+        let walk = Walk { ray, origin, direction, side, beyond_m, in_part };
+        self.visit(&walk, self.levels.len() - 1, UVec2::ZERO, part)
     }
 
     /// The first hit with what is over one node.
@@ -110,12 +137,15 @@ impl Nodes {
         let (from, to) = walk.over(low.as_dvec2(), high.as_dvec2(), part)?;
         let (a_m, b_m) = (walk.ray.at(from).z, walk.ray.at(to).z);
         let (lowest_m, highest_m) = ranges[(at.y * size.x + at.x) as usize];
-        let is_clear = if walk.side > 0.0 { a_m.min(b_m) > highest_m } else { a_m.max(b_m) < lowest_m };
+        let is_clear = match walk.side > 0.0 {
+            true => a_m.min(b_m) > highest_m + walk.beyond_m,
+            false => a_m.max(b_m) < lowest_m - walk.beyond_m,
+        };
         if is_clear {
             return None;
         }
         let Some(below) = level.checked_sub(1) else {
-            return first_hit_in(walk.ground, walk.ray, (from, to), walk.side);
+            return (walk.in_part)((from, to));
         };
         // in the order in which a ray comes to them; it comes to one of the two in the middle at most
         let near = UVec2::new(u32::from(walk.direction.x < 0.0), u32::from(walk.direction.y < 0.0));

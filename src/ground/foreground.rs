@@ -46,6 +46,8 @@ fn distance_m(ground: &dyn Ground, eye_m: DVec3) -> f64 {
     let cell_m = ground.lattice().cell_m;
     let steepest = |near: &Near| near.cell.steepest(cell_m, Surface::Bilinear);
     let steepest = cells(ground, eye_m).iter().flatten().map(steepest).fold(0.0, f64::max);
+    let of_octaves = ground.detail().map_or(0.0, |detail| detail.octaves().steepest() / cell_m.min_element());
+    let steepest = steepest + of_octaves;
     ground.above_m(eye_m).abs() / steepest.hypot(1.0)
 }
 

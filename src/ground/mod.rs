@@ -4,8 +4,10 @@
 
 pub mod cast;
 pub mod cell;
+mod detail;
 pub mod foreground;
 mod lattice;
+pub mod octaves;
 pub mod pyramid;
 mod samples;
 
@@ -13,6 +15,7 @@ use std::fmt::Debug;
 
 use glam::{DVec2, DVec3, UVec2};
 
+pub use detail::{Detailed, Gap};
 pub use lattice::Lattice;
 pub use samples::Samples;
 
@@ -41,7 +44,7 @@ pub trait Ground: Debug + Send + Sync {
     /// The finest samples.
     fn lattice(&self) -> Lattice;
 
-    /// Height of a sample. Not of the surface there, where detail is added to samples.
+    /// Height of a sample. Not of the surface there, where octaves are added between samples and at them.
     fn height_m(&self, sample: UVec2) -> f64;
 
     /// Where a sample is.
@@ -72,6 +75,14 @@ pub trait Ground: Debug + Send + Sync {
     /// Where between two places on a ray the surface under it changes its formula, in no order. Between two such places it is smooth.
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64>;
 
+    /// Places in a part of a ray: the surface comes nowhere farther over it than at one of them (or, with a `side` of -1, under it).
+    fn crests(&self, ray: &Ray, part: (f64, f64), _side: f64) -> Vec<f64> {
+        let (from, to) = self.among_heights(ray, part);
+        let mut places = self.bends(ray, from, to);
+        places.push(to);
+        places
+    }
+
     /// Where a ray first meets the surface.
     fn first_hit(&self, ray: &Ray) -> Option<f64> {
         let part = self.stay(ray)?;
@@ -94,6 +105,11 @@ pub trait Ground: Debug + Send + Sync {
     /// from which formulas in f32 are made for it.
     fn steepest_seen(&self) -> f64 {
         self.steepest()
+    }
+
+    /// What this is, if it has octaves over the surface between its samples.
+    fn detail(&self) -> Option<&Detailed> {
+        None
     }
 
     /// Everything that decides what it answers, in 32 hexadecimal digits.

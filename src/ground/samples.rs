@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use glam::{DVec2, DVec3, UVec2};
 use rayon::prelude::*;
 
-use super::cast::Nodes;
+use super::cast::{self, Nodes};
 use super::cell::{Cell, bends};
 use super::{Ground, Lattice, Part, Ray, foreground};
 use crate::experiment::scene::Surface;
@@ -181,15 +181,8 @@ impl Ground for Samples {
         (enter <= leave).then_some((enter, leave))
     }
 
-    fn among_heights(&self, ray: &Ray, (from, to): (f64, f64)) -> (f64, f64) {
-        let rise = ray.direction.z;
-        let reaches = |height_m: f64| (height_m - ray.eye_m.z) / rise;
-        let (low, high) = (reaches(self.range_m.0), reaches(self.range_m.1));
-        // of a level ray, nothing is left out
-        if !(low.is_finite() && high.is_finite()) {
-            return (from, to);
-        }
-        (from.max(low.min(high).min(to)), to.min(low.max(high).max(from)))
+    fn among_heights(&self, ray: &Ray, part: (f64, f64)) -> (f64, f64) {
+        cast::among(self.range_m, ray, part)
     }
 
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64> {

@@ -68,8 +68,7 @@ impl Missed<'_> {
         -self.ground.above_m(ray.at(t))
     }
 
-    /// The most that the surface is over a part of a ray (or, with -1, under it), in pixels: it is largest where the surface under the ray
-    /// bends.
+    /// The most that the surface is over a part of a ray (or, with -1, under it), in pixels.
     fn most_px(&self, ray: &Ray, (start_m, end_m): (f64, f64), pixel: DVec2, side: f64) -> f64 {
         let over_px = |t: f64| {
             if side * self.over_m(ray, t) <= 0.0 {
@@ -78,7 +77,6 @@ impl Missed<'_> {
             let place = self.camera.pixel(self.ground.surface_at(ray.at(t)));
             place.map_or(f64::INFINITY, |place| place.distance(pixel))
         };
-        let (start_m, end_m) = self.ground.among_heights(ray, (start_m, end_m));
-        self.ground.bends(ray, start_m, end_m).into_iter().chain([end_m]).map(over_px).fold(0.0, f64::max)
+        self.ground.crests(ray, (start_m, end_m), side).into_iter().map(over_px).fold(0.0, f64::max)
     }
 }

@@ -6,7 +6,8 @@ use super::product::{Blocks, Mesh, NodeRanges};
 use super::{BufferId, Chain, Storage};
 use crate::experiment::diagnostic::{Diagnostic, Origin};
 use crate::experiment::scene::{Held, Surface};
-use crate::ground::Lattice;
+use crate::ground::octaves::Octaves;
+use crate::ground::{Detailed, Lattice};
 use crate::kernel::{Elem, GroundForm, Kernel};
 
 /// Bytes that every adapter binds as one array.
@@ -27,6 +28,21 @@ impl Chain<'_> {
         self.is_scene_ground() && self.data.ground.is_flat()
     }
 
+    /// The octaves over the surface, if the scene has some.
+    pub fn octaves(&self) -> Option<&Octaves> {
+        self.data.ground.detail().map(Detailed::octaves)
+    }
+
+    /// For a stage that relies on heights between samples being no more than what is between them.
+    pub fn check_no_octaves(&self, relies: &str) -> Result<(), Diagnostic> {
+        match self.octaves() {
+            None => Ok(()),
+            Some(octaves) => Err(self
+                .refusal(&format!("{relies}, and the scene's octaves add up to {:.4} m between samples", octaves.most_m()))
+                .help("take `detail` out of the scene, or set `scene.detail.octaves` to 0")),
+        }
+    }
+
     /// An eye can be under the surface or beyond the border. Where a kernel has moved the ground, nobody knows.
     pub fn sees_underside(&self) -> bool {
         self.data.sees_underside || !self.is_scene_ground()
@@ -34,6 +50,7 @@ impl Chain<'_> {
 
     /// For a stage that relies on what is known of the scene's ground: its highest, its steepest.
     pub fn check_scene_ground(&self) -> Result<(), Diagnostic> {
+        self.check_no_octaves("relies on what samples say of the ground between them")?;
         match self.is_scene_ground() {
             true => Ok(()),
             false => Err(self.refusal("relies on the scene's own ground, and a kernel has made another one").help(
@@ -75,6 +92,7 @@ impl Chain<'_> {
 
     /// Makes a buffer the ground of the stages after this one.
     pub fn change_ground(&mut self, heights: BufferId) -> Result<(), Diagnostic> {
+        self.check_no_octaves("makes another ground of samples")?;
         let size = self.lattice().size;
         let kind = self.check_kind(heights, Elem::F32, &[size.y, size.x]);
         kind.map_err(|error| error.help("a new `height` is the ground of the stages after it"))?;
@@ -144,6 +162,9 @@ impl Chain<'_> {
         // the kernel's own default is triangles
         if self.data.scene.surface == Surface::Bilinear {
             constants.push(("BILINEAR".to_string(), 1.0));
+        }
+        if self.octaves().is_some() {
+            constants.push(("OCTAVES".to_string(), 1.0));
         }
         constants
     }

@@ -77,6 +77,15 @@ pub struct Drawn<B> {
     pub promise: Option<Promise>,
 }
 
+/// Which octaves the mesh holds at each pixel of what was drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshLevel<B> {
+    /// The pyramid level of the mesh, less its split octave; 0 where there is none.
+    pub level: B,
+    /// What was drawn.
+    pub distance: B,
+}
+
 /// A shaded picture, red in the lowest byte of each pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Picture<B> {
@@ -163,6 +172,7 @@ pub struct Warped<B> {
 pub struct Products<B> {
     meshes: Vec<Mesh<B>>,
     drawn: Vec<Drawn<B>>,
+    mesh_levels: Vec<MeshLevel<B>>,
     pictures: Vec<Picture<B>>,
     listings: Vec<Listing<B>>,
     blocks: Vec<Blocks<B>>,
@@ -179,7 +189,7 @@ impl<B> Default for Products<B> {
         Self {
             meshes: Vec::new(),
             drawn: Vec::new(),
-            pictures: Vec::new(),
+            pictures: Vec::new(), mesh_levels: Vec::new(),
             listings: Vec::new(),
             blocks: Vec::new(),
             node_ranges: Vec::new(),
@@ -216,6 +226,7 @@ macro_rules! product {
 product!(Mesh, meshes, "a mesh");
 product!(Drawn, drawn, "something drawn");
 product!(Picture, pictures, "a picture");
+product!(MeshLevel, mesh_levels, "the level of a mesh at each pixel");
 product!(Listing, listings, "a list of numbers");
 product!(Blocks, blocks, "blocks of a quadtree");
 product!(NodeRanges, node_ranges, "the lowest and highest of each node");

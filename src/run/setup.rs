@@ -15,7 +15,8 @@ use crate::experiment::sweep::Setting;
 use crate::experiment::tree::Node;
 use crate::experiment::{Cell, Experiment, StageCall};
 use crate::gpu::{Executor, Gpu, GpuError};
-use crate::ground::{Ground, Samples};
+use crate::ground::octaves::Octaves;
+use crate::ground::{Detailed, Ground, Samples};
 use crate::measure::{self, Chosen};
 use crate::plan::{ANY_ADAPTER_BINDS, BufferId, Capacities, Chain, Demand, Plan};
 use crate::scene::SceneData;
@@ -121,7 +122,12 @@ impl Scenes {
         let terrain = known(&mut self.terrains, key.clone(), || load().map(Arc::new))?;
         let surface = cell.scene.surface;
         let samples = || -> Arc<dyn Ground> { Arc::new(Samples::new(terrain.clone(), surface)) };
-        let ground = known(&mut self.grounds, format!("{surface:?} {key}"), || Ok(samples()))?;
+        let mut ground = known(&mut self.grounds, format!("{surface:?} {key}"), || Ok(samples()))?;
+        if let Some(octaves) = Octaves::new(&cell.scene.detail) {
+            let detailed = || -> Arc<dyn Ground> { Arc::new(Detailed::new(ground.clone(), octaves)) };
+            let key = format!("{:?} {surface:?} {key}", cell.scene.detail);
+            ground = known(&mut self.grounds, key, || Ok(detailed()))?;
+        }
         let colours = match &cell.scene.colour {
             None => None,
             Some(colour) => {

@@ -2,9 +2,11 @@
 
 use glam::DVec2;
 
+use super::octaves::octaves_off_m;
 use super::rounding::EPSILON;
 use crate::experiment::scene::Surface;
-use crate::ground::Ray;
+use crate::frame::octaves::near;
+use crate::ground::{Detailed, Gap, Ground, Ray, cast};
 use crate::reference::Frame;
 
 /// Distance of the first hit and its bound. Every place at which the surface's formula changes is crossed one by one, so between two
@@ -16,6 +18,9 @@ pub fn first_hit(frame: &Frame, pixel: DVec2) -> (f64, f64) {
     let Some((t_in, t_out)) = frame.ground.stay(&ray) else {
         return (f64::NAN, f64::MIN_POSITIVE);
     };
+    if let Some(detail) = frame.ground.detail() {
+        return on_octaves(frame, detail, &ray, (t_in, t_out));
+    }
     let mut crossings = frame.ground.bends(&ray, t_in, t_out);
     crossings.extend([t_in, t_out]);
     crossings.sort_by(f64::total_cmp);
@@ -46,6 +51,28 @@ pub fn first_hit(frame: &Frame, pixel: DVec2) -> (f64, f64) {
         f0 = f1;
     }
     (f64::NAN, if undecided { f64::INFINITY } else { f64::MIN_POSITIVE })
+}
+
+/// The same over octaves. A kernel ends where it is no farther over the surface than it is told to be, give or take rounding: not before a
+/// ray comes so near, and not after it has gone under the surface by as much as rounding explains.
+fn on_octaves(frame: &Frame, detail: &Detailed, ray: &Ray, (t_in, t_out): (f64, f64)) -> (f64, f64) {
+    let (eye_m, octaves) = (frame.camera.eye_m, detail.octaves());
+    let side = cast::side(detail, ray, t_in);
+    // heights are rounded eight times, and so is a place, on slopes; then there are the octaves themselves
+    let off_m = 8.0 * EPSILON * (eye_m.z.abs() + largest_m(frame)) + octaves_off_m(octaves, &|_| 1.0, 0.0);
+    let off = Gap { m: off_m, of_way: 8.0 * EPSILON * (1.0 + detail.steepest()) };
+    let first = detail.first_within(ray, side, Gap { of_way: off.of_way + near(frame.camera), ..off });
+    let last = detail.first_within(ray, side, Gap { m: -off.m, of_way: -off.of_way });
+    match (first, last) {
+        (Some(first), Some(last)) => {
+            let bound = 0.5 * (last - first) + 16.0 * EPSILON * last;
+            // what all but touches the surface may stop anywhere along it
+            let open = bound > 1e-2 * last.max(1.0);
+            (0.5 * (first + last), if open { f64::INFINITY } else { bound })
+        }
+        (Some(first), None) => (first.min(t_out), f64::INFINITY),
+        (None, _) => (f64::NAN, f64::MIN_POSITIVE),
+    }
 }
 
 /// The largest height without its sign.

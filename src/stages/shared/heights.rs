@@ -56,6 +56,9 @@ impl Means {
         if chain.is_flat() && filter != Filter::Finest {
             chain.leave_out("the mean pyramid", "the terrain is flat, every level is the same", 0, 0);
         }
+        if chain.octaves().is_none() {
+            chain.leave_out("octaves between samples", "the scene has no detail", 0, 0);
+        }
         let made = pyramid.and_then(|means| chain.buffer(means).top_level).unwrap_or(layout.top);
         Ok(Self { pyramid, blend: filter == Filter::Trilinear, max_level: top(max_level, made) })
     }

@@ -4,6 +4,7 @@ pub mod border;
 pub mod drawn;
 pub mod first_hit;
 pub mod heights;
+pub mod octaves;
 pub mod prefix_sums;
 pub mod projected;
 pub mod rounding;

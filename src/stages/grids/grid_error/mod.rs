@@ -61,6 +61,7 @@ enum Rule {
 
 impl Stage for GridError {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        chain.check_no_octaves("compares a mesh with samples")?;
         let Mesh::Grid(grid) = chain.latest()? else {
             return Err(Diagnostic::input("`GridError` needs a grid, and the mesh here is a list of triangles")
                 .at(chain.origin(), "this stage")

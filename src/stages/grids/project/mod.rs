@@ -31,13 +31,22 @@ pub const INFO: Info = Info {
     ..Info::EMPTY
 };
 
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Project {
     /// how heights are taken from the mean pyramid
     filter: Filter,
     /// coarsest level sampled; None is up to a single node
     max_level: Option<u32>,
+    /// octaves of the scene's detail that the mesh has less than the distance of its vertices allows, against swimming
+    #[schemars(extend("minimum" = 0))]
+    bias: f64,
+}
+
+impl Default for Project {
+    fn default() -> Self {
+        Self { filter: Filter::default(), max_level: None, bias: 1.0 }
+    }
 }
 
 impl Stage for Project {
@@ -51,12 +60,12 @@ impl Stage for Project {
             Elem::Vec4F32,
             &[rows, columns],
             "m",
-            "x east, y north, z up from the eye; w: pyramid level",
+            "x east, y north, z up from the eye; w: pyramid level, less the split octave",
         );
         chain.set_spread(vertices, Spread::GridPoints);
         let kernel = chain.kernel("grids/project.wgsl")?;
         let step = chain.step("project", &kernel, "main").bind("grid_point", points).bind("vertex", vertices);
-        means.bind(step).set("grid", [columns, rows]).over(UVec2::new(columns, rows))?;
+        means.bind(step).set("grid", [columns, rows]).set("bias", self.bias as f32).over(UVec2::new(columns, rows))?;
         chain.offer(Mesh::Grid(Grid { vertex: vertices, cell_bound: None, promise: None }));
         Ok(())
     }

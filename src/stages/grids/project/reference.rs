@@ -5,6 +5,7 @@ use crate::frame::projector::Projector;
 use crate::plan::product::{Grid, Mesh};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::heights::Heights;
+use crate::stages::shared::octaves::in_mesh;
 use crate::stages::shared::projected::ground_off_m;
 
 impl Reference for Project {
@@ -28,7 +29,7 @@ impl Reference for Project {
                     ground(column, row.saturating_sub(1)),
                     ground(column, (row + 1).min(rows - 1)),
                 ];
-                let vertex = vertex(frame, &heights, here, off_m, &neighbours);
+                let vertex = self.vertex(frame, &heights, (here, off_m), &neighbours);
                 let at = 4 * (row * columns + column) as usize;
                 for (component, (value, bound)) in vertex.into_iter().enumerate() {
                     vertices.set(at + component, value, bound);
@@ -41,15 +42,27 @@ impl Reference for Project {
     }
 }
 
-/// Value and bound of x, y, z and level.
-fn vertex(frame: &Frame, heights: &Heights, here: DVec2, off_m: f64, neighbours: &[(DVec2, f64)]) -> [(f64, f64); 4] {
-    let lattice = frame.lattice();
-    let eye_m = frame.camera.eye_m;
-    let distance = |(other, _): &(DVec2, f64)| ((*other - here) / lattice.cell_m).length();
-    let extent = neighbours.iter().map(distance).fold(0.0, f64::max);
-    let off_extent =
-        (off_m + neighbours.iter().map(|(_, off)| *off).fold(0.0, f64::max)) / lattice.cell_m.min_element();
-    let sample = lattice.sample_from_world(here + eye_m.truncate());
-    let [(height_m, bound), level] = heights.at(sample, off_m, (extent, off_extent));
-    [(here.x, off_m), (here.y, off_m), (height_m - eye_m.z, bound), level]
+impl Project {
+    /// Value and bound of x, y, z and level.
+    fn vertex(
+        &self,
+        frame: &Frame,
+        heights: &Heights,
+        (here, off_m): (DVec2, f64),
+        neighbours: &[(DVec2, f64)],
+    ) -> [(f64, f64); 4] {
+        let lattice = frame.lattice();
+        let eye_m = frame.camera.eye_m;
+        let distance = |(other, _): &(DVec2, f64)| ((*other - here) / lattice.cell_m).length();
+        let farthest = neighbours.iter().map(distance).fold(0.0, f64::max);
+        let off_farthest =
+            (off_m + neighbours.iter().map(|(_, off)| *off).fold(0.0, f64::max)) / lattice.cell_m.min_element();
+        let extent = (farthest, off_farthest);
+        let sample = lattice.sample_from_world(here + eye_m.truncate());
+        let [(height_m, off_height), level] = heights.at(sample, off_m, extent);
+        let off_cells = off_m / lattice.cell_m.min_element();
+        let [octaves, split] = in_mesh(frame, self.bias, (sample, off_cells), extent);
+        let height = (height_m + octaves.0 - eye_m.z, off_height + octaves.1);
+        [(here.x, off_m), (here.y, off_m), height, (level.0 - split.0, level.1 + split.1)]
+    }
 }

@@ -4,7 +4,7 @@ use glam::UVec2;
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::Elem;
-use crate::plan::product::{Drawn, Grid, Mesh};
+use crate::plan::product::{Drawn, Grid, Mesh, MeshLevel};
 use crate::plan::{BufferId, Chain, Spread, StepBuilder, Vertices};
 use crate::stages::shared::drawn::make_distance;
 use crate::stages::shared::rounding::PROOF_SNAP_PX;
@@ -18,25 +18,33 @@ pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<Buff
         true => Some(known_tiles(chain)?),
         false => None,
     };
-    let (elem, meaning) = match grid.promise {
-        None => (Elem::U32, "distance of the nearest triangle as the bits of an f32; 0 is none"),
-        Some(_) => (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none"),
+    let carries_level = grid.promise.is_none() && chain.octaves().is_some();
+    let (elem, meaning) = match (grid.promise, carries_level) {
+        (None, false) => (Elem::U32, "distance of the nearest triangle as the bits of an f32; 0 is none"),
+        (None, true) => (Elem::Vec2U32, "distance of the nearest triangle and its level, as the bits of f32; 0 is none"),
+        (Some(_), _) => (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none"),
     };
     let drawn = chain.make_target("drawn", elem, meaning);
     let distance = make_distance(chain);
     let (columns, rows) = chain.data.scene.viewport;
     let meaning = "normalised error of what is drawn; 0 is within the threshold";
     let error = grid.promise.map(|_| chain.make_over("error", Elem::F32, Spread::Pixels, "", meaning));
-    let (fragment, resolve) = if error.is_some() { ("keep_error", "resolve_error") } else { ("keep", "resolve") };
+    let meaning = "pyramid level of the mesh, less its split octave; 0 where nothing is drawn";
+    let level = carries_level.then(|| chain.make_over("mesh_level", Elem::F32, Spread::Pixels, "", meaning));
+    let carried = error.or(level);
+    let (fragment, resolve) = if carried.is_some() { ("keep_carried", "resolve_carried") } else { ("keep", "resolve") };
     let draw = grid_step(chain, &grid, size, "draw", "draw", tiles)?;
     draw.bind("vertex", grid.vertex).bind_or_leave("cell_bound", grid.cell_bound).draw_strip(strip, drawn, fragment)?;
     let resolve = grid_step(chain, &grid, size, "resolve", resolve, tiles)?;
     let resolve = resolve.bind("drawn", drawn).bind("distance", distance);
-    let resolve = match error {
+    let resolve = match carried {
         None => resolve,
-        Some(error) => resolve.bind("error", error).bind_or_leave("clear_until", tiles),
+        Some(carried) => resolve.bind("carried", carried).bind_or_leave("clear_until", tiles),
     };
     resolve.over(UVec2::new(columns, rows))?;
+    if let Some(level) = level {
+        chain.offer(MeshLevel { level, distance });
+    }
     Ok(Drawn { distance, error, mesh: Some(Mesh::Grid(grid)), promise: grid.promise })
 }
 

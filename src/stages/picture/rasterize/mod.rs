@@ -18,7 +18,7 @@ pub const INFO: Info = Info {
     formula: "t = (n . a) / (n . d) for the nearest triangle that covers the pixel's centre",
     source: "visibility buffer after Burns, Hunt 2013; a grid is cut at the terrain's border",
     reads: &["clear_until"],
-    writes: &["drawn", "distance", "error"],
+    writes: &["drawn", "distance", "error", "mesh_level"],
     needs: &[what::<Mesh<()>>()],
     offers: &[what::<Drawn<()>>()],
     unchecked: &[("drawn", "a render target; `distance` and `error` are all that is in it")],

@@ -6,18 +6,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
-use crate::experiment::scene::Light;
+use crate::experiment::scene;
 use crate::kernel::{Elem, Packing};
-use crate::plan::product::{Drawn, Picture, what};
-use crate::plan::{Chain, Spread};
+use crate::plan::product::{Drawn, MeshLevel, Picture, what};
+use crate::plan::{BufferId, Chain, Spread};
 use crate::scene::COLOUR_MAP;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
     name: "Shade",
     summary: "distances to a picture: hypsometric tint or the scene's map of colours, sun, sky",
-    formula: "colour = (map or tint(height)) (ambient + (1 - ambient) max(n . sun, 0)); n from central differences",
-    source: "deferred shading as in Loeffler et al. 2009, section 4",
+    formula: "colour = (map or tint(height)) (ambient + (1 - ambient) max(n . sun, 0)); n from central differences and the slopes of octaves",
+    source: "deferred shading as in Loeffler et al. 2009, section 4; octaves up to the pixel after Dachsbacher, Stamminger 2004, section 4.1",
+    reads: &["mesh_level"],
     writes: &["colour"],
     needs: &[what::<Drawn<()>>()],
     offers: &[what::<Picture<()>>()],
@@ -40,22 +41,36 @@ pub struct Shade {
     tint: bool,
     /// light by the sun; false is flat colour
     sun: bool,
+    /// which octaves of the scene's detail turn the normal
+    octaves: Light,
+}
+
+/// Which octaves turn the normal.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+enum Light {
+    /// all with waves of two pixels and more
+    #[default]
+    Pixels,
+    /// those that the mesh holds; of what has no mesh, as `Pixels`
+    Mesh,
+    /// none
+    None,
 }
 
 impl Default for Shade {
     fn default() -> Self {
-        Self { map: true, tint: true, sun: true }
+        Self { map: true, tint: true, sun: true, octaves: Light::default() }
     }
 }
 
 impl Shade {
     /// Ambient light alone does not ask where the sun is.
-    fn needs_sun(&self, light: &Light) -> bool {
+    fn needs_sun(&self, light: &scene::Light) -> bool {
         self.sun && light.ambient < 1.0
     }
 }
 
-fn sun_direction(light: &Light) -> DVec3 {
+fn sun_direction(light: &scene::Light) -> DVec3 {
     let (azimuth, elevation) = (light.azimuth_deg.to_radians(), light.elevation_deg.to_radians());
     DVec3::new(azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin())
 }
@@ -70,6 +85,11 @@ impl Stage for Shade {
             let reason = if self.sun { "the light is all ambient" } else { "`sun: false`" };
             chain.leave_out("normals and sun", reason, 0, pixels);
         }
+        if self.needs_sun(&light) && chain.octaves().is_none() {
+            chain.leave_out("octaves in the normals", "the scene has no detail", 0, pixels);
+        }
+        let level = chain.products().find(|level: &MeshLevel<BufferId>| level.distance == distance);
+        let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| level.level);
         let map = chain.input(COLOUR_MAP).filter(|_| self.map);
         let map_size = map.map_or([1, 1], |map| [chain.buffer(map).dims[1], chain.buffer(map).dims[0]]);
         match (map, self.tint) {
@@ -85,6 +105,9 @@ impl Stage for Shade {
             .bind("distance", distance)
             .bind("colour", colour)
             .bind_or_leave("colour_map", map)
+            .bind_or_leave("mesh_level", level)
+            .constant("LIT", f64::from(self.octaves != Light::None))
+            .constant("BY_MESH", f64::from(level.is_some()))
             .constant("MAP", f64::from(map.is_some()))
             .constant("TINT", f64::from(self.tint && map.is_none()))
             .constant("SUN", f64::from(self.needs_sun(&light)))

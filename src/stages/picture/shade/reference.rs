@@ -1,8 +1,10 @@
 use glam::{DVec2, DVec3, UVec2};
 
-use super::{Shade, sun_direction};
+use super::{Light, Shade, sun_direction};
+use crate::frame::octaves::{for_light, octave_of_pixels};
 use crate::frame::relief::height_range_m;
-use crate::plan::product::{Drawn, Picture};
+use crate::ground::octaves::Octaves;
+use crate::plan::product::{Drawn, MeshLevel, Picture};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::scene::COLOUR_MAP;
 use crate::stages::shared::rounding::EPSILON;
@@ -13,6 +15,8 @@ impl Reference for Shade {
         let map = if self.map { buffers.find(COLOUR_MAP).map(|id| buffers.values(id)) } else { None };
         let map = map.as_deref();
         let distance = buffers.values(drawn.distance);
+        let level = buffers.products().find(|level: &MeshLevel<_>| level.distance == drawn.distance);
+        let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| buffers.values(level.level));
         let (width_px, height_px) = frame.camera.viewport;
         let mut colour = Values::missing(&[height_px, width_px], 4);
         for y in 0..height_px {
@@ -21,12 +25,20 @@ impl Reference for Shade {
                 let ray = frame.camera.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
                 let (here, spread) = match distance.value[at] {
                     t if t.is_nan() => (sky(ray), DVec3::ZERO),
-                    t => self.ground(frame, map, ray, t, distance.bound[at]),
+                    t => {
+                        let depth_m = t * ray.dot(frame.camera.forward());
+                        let split = match &level {
+                            Some(level) => (-level.value[at], level.bound[at]),
+                            None => (octave_of_pixels(frame.lattice().cell_m.max_element(), frame.camera, depth_m), 1e-6),
+                        };
+                        self.ground(&Lit { frame, map, split }, ray, t, distance.bound[at])
+                    }
                 };
                 for channel in 0..4 {
                     let (value, off) = if channel < 3 { (here[channel], spread[channel]) } else { (1.0, 0.0) };
                     // rounding to 8 bits may fall either way
-                    let bound = if distance.bound[at].is_infinite() { f64::INFINITY } else { 1.0 + 255.0 * off };
+                    let is_open = distance.bound[at].is_infinite() || level.as_ref().is_some_and(|level| level.bound[at].is_infinite());
+                    let bound = if is_open { f64::INFINITY } else { 1.0 + 255.0 * off };
                     colour.set(4 * at + channel, (value.clamp(0.0, 1.0) * 255.0).round(), bound);
                 }
             }
@@ -37,10 +49,43 @@ impl Reference for Shade {
     }
 }
 
+/// What a pixel is lit by.
+struct Lit<'a> {
+    frame: &'a Frame<'a>,
+    map: Option<&'a Values>,
+    /// The octaves below it turn the normal; how far rounding may move it.
+    split: (f64, f64),
+}
+
+impl Lit<'_> {
+    fn weight(&self, k: u32, seen: u32) -> f64 {
+        if k <= seen { (self.split.0 - f64::from(k)).clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// The steepest that the octaves can be that may count, in metres a cell.
+    fn steepest(&self, octaves: &Octaves) -> f64 {
+        let may_count = octaves.each().filter(|(k, _)| f64::from(*k) < self.split.0 + self.split.1 + 1.0);
+        may_count.map(|(_, octave)| octave.steepest).sum()
+    }
+}
+
 impl Shade {
+    /// Slope of the octaves at a place, in metres a cell.
+    fn octaves_slope(&self, lit: &Lit, position_m: DVec2) -> DVec2 {
+        match lit.frame.ground.detail() {
+            Some(detail) if self.octaves != Light::None => {
+                let (octaves, seen) = (detail.octaves(), for_light(detail, lit.frame.camera));
+                let place = octaves.place(lit.frame.lattice().sample_from_world(position_m));
+                octaves.weighted(&place, |k| lit.weight(k, seen)).1
+            }
+            _ => DVec2::ZERO,
+        }
+    }
+
     /// Colour at a distance, and how much it changes within the reach of rounding.
-    fn ground(&self, frame: &Frame, map: Option<&Values>, ray: DVec3, t: f64, bound: f64) -> (DVec3, DVec3) {
-        let here = self.colour(frame, map, ray * t);
+    fn ground(&self, lit: &Lit, ray: DVec3, t: f64, bound: f64) -> (DVec3, DVec3) {
+        let Lit { frame, map, .. } = *lit;
+        let here = self.colour(lit, ray * t);
         let origin = frame.lattice().sample_from_world(frame.camera.eye_m.truncate()).abs().max_element();
         let cell = frame.lattice().cell_m.max_element();
         let off = bound + 16.0 * EPSILON * (t + frame.camera.eye_m.z.abs() + (origin.fract() + 1.0) * cell);
@@ -48,14 +93,24 @@ impl Shade {
         let off = off + map.map_or(0.0, |_| 8.0 * EPSILON * frame.lattice().extent_m().max_element());
         let around = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis * off, -axis * off]);
         let spread =
-            around.map(|by| (self.colour(frame, map, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
+            around.map(|by| (self.colour(lit, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
+        let of_octaves = match frame.ground.detail() {
+            Some(detail) if self.octaves != Light::None => {
+                // the distance is what the size of a pixel hangs on, too
+                let off_split = lit.split.1 + 2.0 * bound / t.max(1e-9);
+                let off = 300.0 * EPSILON + off_split.min(1.0);
+                off * lit.steepest(detail.octaves()) / frame.lattice().cell_m.min_element()
+            }
+            _ => 0.0,
+        };
         // a slope of s turns the normal by at most the rounding of s; heights are rounded once
         let (low, high) = frame.ground.range_m();
         let steepest = (high - low) / frame.lattice().cell_m.min_element();
-        (here, 2.0 * spread + 64.0 * EPSILON * (1.0 + steepest))
+        (here, 2.0 * spread + 64.0 * EPSILON * (1.0 + steepest) + of_octaves)
     }
 
-    fn colour(&self, frame: &Frame, map: Option<&Values>, point: DVec3) -> DVec3 {
+    fn colour(&self, lit: &Lit, point: DVec3) -> DVec3 {
+        let Lit { frame, map, .. } = *lit;
         let light = &frame.data.scene.light;
         let world = point + frame.camera.eye_m;
         // tints are of the scene's heights, whatever a kernel has made of them
@@ -67,7 +122,8 @@ impl Shade {
             colour = tint((world.z - low) / height_range_m(low, high));
         }
         if self.needs_sun(light) {
-            let lit = normal(frame, world.truncate()).dot(sun_direction(light)).max(0.0);
+            let normal = normal(frame, world.truncate(), self.octaves_slope(lit, world.truncate()));
+            let lit = normal.dot(sun_direction(light)).max(0.0);
             colour *= light.ambient + (1.0 - light.ambient) * lit;
         }
         colour
@@ -108,7 +164,7 @@ fn map_colour(frame: &Frame, map: &Values, position_m: DVec2) -> DVec3 {
     north.lerp(south, w.y)
 }
 
-fn normal(frame: &Frame, position_m: DVec2) -> DVec3 {
+fn normal(frame: &Frame, position_m: DVec2, of_octaves: DVec2) -> DVec3 {
     let terrain = frame.lattice();
     let place = terrain.sample_from_world(position_m);
     let low = place.floor();
@@ -127,6 +183,6 @@ fn normal(frame: &Frame, position_m: DVec2) -> DVec3 {
     };
     let north = gradient(0.0, 0.0).lerp(gradient(1.0, 0.0), w.x);
     let south = gradient(0.0, 1.0).lerp(gradient(1.0, 1.0), w.x);
-    let slope = north.lerp(south, w.y) / terrain.cell_m;
+    let slope = (north.lerp(south, w.y) + of_octaves) / terrain.cell_m;
     DVec3::new(-slope.x, slope.y, 1.0).normalize()
 }

@@ -85,7 +85,9 @@ impl Stage for TriangleSplitting {
         chain.set_parts(triangle, TRIANGLE);
         // the argument for a bound is one of a closed mesh
         let promise = Promise { proven: promise.proven && self.split, ..promise };
-        chain.offer(Mesh::List(List { triangle, count, promise: Some(promise) }));
+        // what is between samples, no block knows of
+        let promise = chain.octaves().is_none().then_some(promise);
+        chain.offer(Mesh::List(List { triangle, count, promise }));
         let kernel = chain.kernel("quadtree/triangle_splitting.wgsl")?;
         for entry in ["count", "sums", "offsets", "write"] {
             let step = chain

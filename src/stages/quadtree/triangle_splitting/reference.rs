@@ -33,7 +33,8 @@ impl Reference for TriangleSplitting {
         triangle.in_any_order = leaves.in_any_order;
         let triangle = buffers.put("triangle", triangle);
         let count = buffers.put("triangle_count", vertices);
-        buffers.offer(Mesh::List(List { triangle, count, promise: Some(known.promise) }));
+        let promise = frame.ground.detail().is_none().then_some(known.promise);
+        buffers.offer(Mesh::List(List { triangle, count, promise }));
         Ok(())
     }
 }

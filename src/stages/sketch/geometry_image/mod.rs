@@ -35,7 +35,7 @@ pub const INFO: Info = Info {
     ..Info::EMPTY
 };
 
-#[derive(Clone, Copy, Debug, Default, Deserialize, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GeometryImage {
     /// where heights are from
@@ -44,6 +44,15 @@ pub struct GeometryImage {
     filter: Filter,
     /// coarsest level of the atlas that is sampled; None is up to a single node
     max_level: Option<u32>,
+    /// octaves of the scene's detail that the mesh has less than the distance of its vertices allows, against swimming
+    #[schemars(extend("minimum" = 0))]
+    bias: f64,
+}
+
+impl Default for GeometryImage {
+    fn default() -> Self {
+        Self { heights: Source::default(), filter: Filter::default(), max_level: None, bias: 1.0 }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
@@ -70,12 +79,13 @@ impl Stage for GeometryImage {
             }
             Source::SketchMap => None,
         };
-        let meaning = "x east, y north, z up from the eye; w: pyramid level";
+        let meaning = "x east, y north, z up from the eye; w: pyramid level, less the split octave";
         let vertices = chain.make("vertex", Elem::Vec4F32, &[size.y, size.x], "m", meaning);
         chain.set_spread(vertices, Spread::GridPoints);
         let kernel = chain.kernel("sketch/geometry_image.wgsl")?;
         let step = chain.step("image", &kernel, "main").bind("grid_point", points).bind("vertex", vertices);
         let step = step.bind("sketch_square", square).set("grid", size.to_array()).set("texels", texels);
+        let step = step.set("bias", self.bias as f32);
         let step = match means {
             Some(means) => means.bind(step).leave_unbound("sketch_height"),
             None => step

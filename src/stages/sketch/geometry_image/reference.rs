@@ -1,9 +1,10 @@
-use glam::{DVec2, UVec2};
+use glam::{DVec2, IVec2, UVec2};
 
 use super::{GeometryImage, Source};
 use crate::plan::product::{Demand, Grid, Mesh, Wanted};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::heights::Heights;
+use crate::stages::shared::octaves::in_mesh;
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for GeometryImage {
@@ -24,6 +25,7 @@ impl Reference for GeometryImage {
             side: samples * texels,
             level,
             source,
+            bias: self.bias,
         };
         let [rows, columns] = [image.places.dims[0], image.places.dims[1]];
         let mut vertices = Values::missing(&[rows, columns], 4);
@@ -54,6 +56,7 @@ struct Image<'a> {
     side: f64,
     level: f64,
     source: HeightsOf<'a>,
+    bias: f64,
 }
 
 impl Image<'_> {
@@ -75,23 +78,33 @@ impl Image<'_> {
         let off_cells = off_place * self.side + 6.0 * EPSILON * corner;
         let off_m = off_cells * lattice.cell_m.max_element();
         let here = lattice.world_from_sample(sample) - eye_m.truncate();
-        let last = UVec2::new(self.places.dims[1], self.places.dims[0]) - 1;
+        let extent = self.extent(at);
         let [(height_m, off_height), level] = match &self.source {
-            HeightsOf::Atlas(heights) => {
-                let neighbours = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(|(x, y)| {
-                    let there = (at.as_ivec2() + glam::IVec2::new(x, y)).max(glam::IVec2::ZERO).as_uvec2().min(last);
-                    let (there, off) = self.place(there);
-                    (there.distance(place), off + off_place)
-                });
-                let (reach, off) = neighbours.into_iter().fold((0.0f64, 0.0f64), |a, b| (a.0.max(b.0), a.1.max(b.1)));
-                // a difference of two places, its length
-                let off = 1.5 * off + 4.0 * EPSILON + 8.0 * EPSILON * reach;
-                heights.at(sample, off_cells * lattice.cell_m.min_element(), (self.side * reach, self.side * off))
+            HeightsOf::Atlas(heights) => heights.at(sample, off_cells * lattice.cell_m.min_element(), extent),
+            HeightsOf::Sketch(map) => {
+                let (place, off_place) = self.place(at);
+                [sketch_at(map, place, off_place), (self.level, 0.0)]
             }
-            HeightsOf::Sketch(map) => [sketch_at(map, place, off_place), (self.level, 0.0)],
         };
-        let off_z = off_height + 4.0 * EPSILON * (height_m - eye_m.z).abs();
-        [(here.x, off_m), (here.y, off_m), (height_m - eye_m.z, off_z), level]
+        let [octaves, split] = in_mesh(frame, self.bias, (sample, off_cells), extent);
+        let above_m = height_m + octaves.0 - eye_m.z;
+        let off_z = off_height + octaves.1 + 4.0 * EPSILON * above_m.abs();
+        [(here.x, off_m), (here.y, off_m), (above_m, off_z), (level.0 - split.0, level.1 + split.1)]
+    }
+
+    /// How far the farthest neighbour is away, in cells, and the bound of that.
+    fn extent(&self, at: UVec2) -> (f64, f64) {
+        let (place, off_place) = self.place(at);
+        let last = UVec2::new(self.places.dims[1], self.places.dims[0]) - 1;
+        let neighbours = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(|(x, y)| {
+            let there = (at.as_ivec2() + IVec2::new(x, y)).max(IVec2::ZERO).as_uvec2().min(last);
+            let (there, off) = self.place(there);
+            (there.distance(place), off + off_place)
+        });
+        let (reach, off) = neighbours.into_iter().fold((0.0f64, 0.0f64), |a, b| (a.0.max(b.0), a.1.max(b.1)));
+        // a difference of two places, its length
+        let off = 1.5 * off + 4.0 * EPSILON + 8.0 * EPSILON * reach;
+        (self.side * reach, self.side * off)
     }
 }
 

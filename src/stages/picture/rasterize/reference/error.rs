@@ -29,7 +29,17 @@ impl Triangles {
             let is_open = is_close || !self.has_derivatives(frame, pixel, number);
             return (distance, if is_open { (f64::NAN, f64::INFINITY) } else { error });
         }
-        if hit.is_shared {
+        let (distance, (error, off)) = self.interpolated(frame, pixel, hit);
+        (distance, (error.clamp(0.0, 1.0), off))
+    }
+
+    /// Distance of what a pixel sees, and what the corners of the triangle carry as it is interpolated there, each with its bound.
+    pub(super) fn interpolated(&self, frame: &Frame, pixel: DVec2, hit: &Hit) -> ((f64, f64), (f64, f64)) {
+        let Some(number) = hit.triangle else {
+            let open = if hit.distance.1.is_infinite() { f64::INFINITY } else { f64::MIN_POSITIVE };
+            return (hit.distance, (0.0, open));
+        };
+        if hit.is_shared || hit.distance.1.is_infinite() {
             return (hit.distance, (f64::NAN, f64::INFINITY));
         }
         // perspective-correct interpolation is linear on the triangle
@@ -54,7 +64,7 @@ impl Triangles {
         let spread =
             carried.iter().copied().fold(f64::MIN, f64::max) - carried.iter().copied().fold(f64::MAX, f64::min);
         let off = 2.0 * (aside[0] + aside[1]) + 2e-4 * spread + 1e-6;
-        (hit.distance, (at(point).clamp(0.0, 1.0), if off.is_finite() { off } else { f64::INFINITY }))
+        (hit.distance, (at(point), if off.is_finite() { off } else { f64::INFINITY }))
     }
 
     /// Derivatives are differences between the four pixels of a quad; they say little of a triangle that another of them sees at quite another

@@ -7,7 +7,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::Rasterize;
-use crate::plan::product::{Drawn, List, Mesh};
+use crate::plan::product::{Drawn, List, Mesh, MeshLevel};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::traversal::TILE;
 use triangles::Triangles;
@@ -31,6 +31,7 @@ impl Reference for Rasterize {
         // what is drawn of a list has no error of its own
         let is_grid = matches!(mesh, Mesh::Grid(_));
         let threshold_px = promise.filter(|_| is_grid).map(|promise| promise.told_px(frame.data));
+        let carries_level = is_grid && promise.is_none() && frame.ground.detail().is_some();
         let (width_px, height_px) = frame.camera.viewport;
         let sky = Sky { frame, clear_until: buffers.get("clear_until").ok() };
         let seen = |y: u32, x: u32| {
@@ -39,6 +40,9 @@ impl Reference for Rasterize {
                 return ((f64::NAN, f64::INFINITY), (f64::NAN, 0.0));
             }
             let hit = triangles.seen(frame, pixel);
+            if carries_level {
+                return triangles.interpolated(frame, pixel, &hit);
+            }
             let Some(threshold_px) = threshold_px else { return (hit.distance, (f64::NAN, 0.0)) };
             if is_loose {
                 return ((f64::NAN, f64::INFINITY), (f64::NAN, f64::INFINITY));
@@ -54,13 +58,19 @@ impl Reference for Rasterize {
             .map(|(y, x)| seen(y, x))
             .collect();
         let mut distance = Values::missing(&[height_px, width_px], 1);
-        let mut error = Values::missing(&[height_px, width_px], 1);
+        let mut carried = Values::missing(&[height_px, width_px], 1);
         for (at, ((value, bound), (own, own_bound))) in pixels.into_iter().enumerate() {
             distance.set(at, value, bound);
-            error.set(at, own, own_bound);
+            carried.set(at, own, own_bound);
         }
         let distance = buffers.put("distance", distance);
-        let error = threshold_px.map(|_| buffers.put("error", error));
+        if carries_level {
+            let level = buffers.put("mesh_level", carried);
+            buffers.offer(MeshLevel { level, distance });
+            buffers.offer(Drawn { distance, error: None, mesh: Some(mesh), promise });
+            return Ok(());
+        }
+        let error = threshold_px.map(|_| buffers.put("error", carried));
         buffers.offer(Drawn { distance, error, mesh: Some(mesh), promise });
         Ok(())
     }
