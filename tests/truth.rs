@@ -114,6 +114,23 @@ fn on_lines_and_borders() {
     assert!(px < EXACT_PX, "{px} px over the border");
 }
 
+/// What the octaves add is part of it: from foot and from the air, and as many octaves as there can be.
+#[test]
+fn over_octaves() {
+    for detail in ["octaves: 6, amplitude_m: 3", "octaves: 30, amplitude_m: 2, persistence: 0.45, origin: (333333, -333333)"] {
+        for surface in ["Triangles", "Bilinear"] {
+            let rest = format!("viewport: (97, 73), surface: {surface}, detail: ({detail})");
+            for (terrain, x_m, y_m) in [(HIGH, 5123.4, 6789.0), (DEEP, 1118.72, 1564.16)] {
+                let far = format!("Still(eye: ({x_m}, {y_m}, 9000), pitch_deg: -30)");
+                for eye in eyes(x_m, y_m).into_iter().skip(2).chain([far]) {
+                    let px = error_px(terrain, &eye, &rest, true);
+                    assert!(px < EXACT_PX, "{px} px on {terrain}, {surface}, {detail}, from {eye}");
+                }
+            }
+        }
+    }
+}
+
 #[test]
 fn from_under_the_surface() {
     for depth_m in [0.02, 0.5, 30.0] {

@@ -40,6 +40,8 @@ struct OctavePlace {
 const OCTAVE_WAVE: f32 = 6.2625;
 /// No octave is steeper than its amplitude times this, for each side of a cell of its lattice.
 const OCTAVE_STEEPEST: f32 = 17.83;
+/// Nor does its slope change faster than this times the amplitude.
+const OCTAVE_CURVED: f32 = 317.0;
 
 /// The place of relative sample coordinates. Nothing of them is lost.
 fn octave_place(cells: vec2<f32>) -> OctavePlace {

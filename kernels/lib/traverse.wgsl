@@ -199,7 +199,26 @@ fn octaves_m(cells: vec2<f32>) -> f32 {
 }
 
 /// The most steps of a ray over the octaves of one cell.
-const MOST_STEPS: u32 = 1024u;
+const MOST_STEPS: u32 = 4096u;
+
+/// What is known of the height over some octaves, ahead on a ray.
+struct OverOctaves {
+    over_m: f32,
+    /// How fast it falls here, and anywhere.
+    falls: f32,
+    fastest: f32,
+    /// How fast that changes at most.
+    bends: f32,
+}
+
+/// How far it is at least until so much is left; a little less than that.
+fn way_over(over: OverOctaves, rest_m: f32) -> f32 {
+    let left_m = max(over.over_m - rest_m, 0.0);
+    // a parabola that falls as fast as it is allowed to, or a line
+    let root = sqrt(over.falls * over.falls + 2.0 * over.bends * left_m);
+    let parabola = select((root - over.falls) / max(over.bends, 1e-30), 2.0 * left_m / max(over.falls + root, 1e-30), over.falls > 0.0);
+    return select(0.99999 * max(parabola, left_m / over.fastest), 0.0, left_m == 0.0);
+}
 
 /// The first t in [t0, t1] at which a ray is all but at the surface with its octaves inside the cell, or FAR. No step is longer than the
 /// surface needs to come to the ray at its steepest, and octaves that cannot matter are not asked.
@@ -209,26 +228,29 @@ fn hit_in_octaves(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32
     let along = vec2(max(side * ray.direction.x * (h.y - h.x), side * ray.direction.x * (h.w - h.z)),
                      max(side * ray.direction.y * (h.z - h.x), side * ray.direction.y * (h.w - h.y)));
     let falls = max(along.x + along.y - side * ray.direction.z, 0.0) * 1.00001 + 1e-20;
-    let ground = length(ray.direction.xy) * OCTAVE_STEEPEST;
+    let ground = length(ray.direction.xy);
     var t = t0;
     for (var tries = 0u; tries < MOST_STEPS; tries++) {
         let place = octave_place(ray.direction.xy * t);
-        var over = side * above(ray, t, cell);
+        var over = OverOctaves(side * above(ray, t, cell), falls, falls, 0.0);
         var amplitude_m = params.octaves.amplitude_m;
         var rest_m = params.octaves.most_m;
-        var speed = falls;
-        var step = (over - rest_m) / speed;
+        var step = way_over(over, rest_m);
         var k = 1u;
         while k <= params.octaves.count && step <= t1 - t {
-            over -= side * amplitude_m * octave_noise(place, k).x;
-            speed += amplitude_m * octave_cells(k) * ground;
+            let octave = side * amplitude_m * octave_noise(place, k);
+            let waves = octave_cells(k) * ground;
+            over.over_m -= octave.x;
+            over.falls += octave_cells(k) * dot(octave.yz, ray.direction.xy);
+            over.fastest += amplitude_m * waves * OCTAVE_STEEPEST;
+            over.bends += amplitude_m * waves * waves * OCTAVE_CURVED;
             rest_m = max(rest_m * 1.000001 - amplitude_m, 0.0);
             rest_m = select(rest_m, 0.0, k == params.octaves.count);
-            step = max(step, (over - rest_m) / speed);
+            step = max(step, way_over(over, rest_m));
             amplitude_m *= params.octaves.persistence;
             k += 1u;
         }
-        if step <= t1 - t && over <= params.octaves.near * t {
+        if step <= t1 - t && over.over_m <= params.octaves.near * t {
             return t;
         }
         t = max(t + step, t * 1.0000003);

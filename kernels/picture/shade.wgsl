@@ -28,7 +28,7 @@ struct Params {
 @group(0) @binding(4) var<storage, read> mesh_level: array<f32>;
 
 /// Octaves turn the normal,
-override LIT: bool = true;
+override LIT: bool = false;
 /// and only those that the mesh holds.
 override BY_MESH: bool = false;
 /// The ground has a colour of its own.
@@ -75,7 +75,7 @@ fn normal(position_m: vec2<f32>, split: f32) -> vec3<f32> {
     let east = 0.5 * (vec4(ne.z, ne.w, se.x, se.y) - vec4(nw.z, nw.w, sw.x, sw.y));
     let south = 0.5 * (vec4(sw.y, se.x, sw.w, se.z) - vec4(nw.y, ne.x, nw.w, ne.z));
     var rise = vec2(blend(east, w), blend(south, w));
-    if OCTAVES && LIT {
+    if LIT {
         rise += octaves_slope(cells, split);
     }
     let slope = rise / params.terrain.cell_m;
@@ -130,7 +130,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         if SUN {
             var split = 0.0;
-            if OCTAVES {
+            if LIT {
                 // waves of two pixels, whose size is the depth times what a step of a pixel is at the depth 1
                 let depth = along / length(view_ray_of_pixel(params.camera, id.xy));
                 let pixel_m = length(params.camera.right_hi + params.camera.right_lo) * depth;

@@ -149,21 +149,51 @@ impl Detailed {
     /// over the surface without them, and falls as fast.
     fn step(&self, ray: &Ray, t: f64, (over_m, falls): (f64, f64), side: f64, enough: f64) -> (f64, Option<f64>) {
         let lattice = self.lattice();
-        let along = lattice.cells_from_world(ray.direction.truncate()).length();
+        let direction = lattice.cells_from_world(ray.direction.truncate());
         let place = self.octaves.place(lattice.sample_from_world(ray.at(t).truncate()));
-        let (mut over_m, mut speed) = (over_m, falls);
-        let safe = |over_m: f64, rest_m: f64, speed: f64| (over_m - rest_m) / speed.max(1e-300);
+        let mut over = Over { over_m, falls, fastest: falls, bends: 0.0 };
         let mut step = 0.0f64;
         for (k, octave) in self.octaves.each() {
             // without the octaves that are left, the surface is less steep
-            step = step.max(safe(over_m, octave.rest_m, speed));
+            step = step.max(over.way(octave.rest_m));
             if step > enough {
                 return (step, None);
             }
-            over_m -= side * self.octaves.octave_m(&place, k);
-            speed += along * octave.steepest;
+            let (height_m, slope) = self.octaves.octave(&place, k);
+            over.over_m -= side * height_m;
+            over.falls += side * slope.dot(direction);
+            over.fastest += direction.length() * octave.steepest;
+            over.bends += direction.length_squared() * octave.most_curved;
         }
-        (step.max(safe(over_m, 0.0, speed)), Some(over_m))
+        (step.max(over.way(0.0)), Some(over.over_m))
+    }
+}
+
+/// What is known of the height over some octaves, ahead on a ray.
+#[derive(Clone, Copy, Debug)]
+struct Over {
+    over_m: f64,
+    /// How fast it falls here, and anywhere.
+    falls: f64,
+    fastest: f64,
+    /// How fast that changes at most.
+    bends: f64,
+}
+
+impl Over {
+    /// How far it is at least until so much is left.
+    fn way(&self, rest_m: f64) -> f64 {
+        let left_m = self.over_m - rest_m;
+        if left_m <= 0.0 {
+            return 0.0;
+        }
+        // a parabola that falls as fast as it is allowed to, or a line
+        let root = (self.falls * self.falls + 2.0 * self.bends * left_m).sqrt();
+        let parabola = match self.falls > 0.0 {
+            true => 2.0 * left_m / (self.falls + root),
+            false => (root - self.falls) / self.bends.max(1e-300),
+        };
+        parabola.max(left_m / self.fastest.max(1e-300))
     }
 }
 

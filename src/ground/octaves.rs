@@ -37,6 +37,8 @@ pub struct Octave {
     pub amplitude_m: f64,
     /// It is nowhere steeper, in metres a cell.
     pub steepest: f64,
+    /// Its slope changes nowhere faster, in metres a cell for each cell.
+    pub most_curved: f64,
     /// The most that it and all after it add or take.
     pub rest_m: f64,
 }
@@ -48,7 +50,12 @@ pub const MOST: u32 = 30;
 const WAVE: f64 = 6.2625;
 /// No octave is steeper than its amplitude times this, for each side of a cell of its lattice: a wave goes up and down twice there, and
 /// between two nodes one wave fades into another.
-pub const STEEPEST: f64 = 2.0 * WAVE + 2.0 * 1.875 * std::f64::consts::SQRT_2;
+pub const STEEPEST: f64 = 2.0 * WAVE + FADING;
+/// Nor is its slope anywhere faster to change than the amplitude times this: by the waves' own curvature, which is at most that of a sine,
+/// by how two waves fade while they rise, and by how fading itself changes.
+pub const MOST_CURVED: f64 = 4.0 * 39.6 + 2.0 * FADING * 2.0 * WAVE + 2.0 * 5.774 + 4.0 * 1.875 * 1.875;
+/// How fast the weights of four nodes change at most, all together.
+const FADING: f64 = 2.0 * 1.875 * std::f64::consts::SQRT_2;
 
 impl Octaves {
     /// None if nothing would be added.
@@ -59,6 +66,7 @@ impl Octaves {
         let octave = |k: u32| Octave {
             amplitude_m: amplitudes_m[k as usize],
             steepest: amplitudes_m[k as usize] * STEEPEST * lattice_cells(k + 1),
+            most_curved: amplitudes_m[k as usize] * MOST_CURVED * lattice_cells(k + 1).powi(2),
             rest_m: amplitudes_m[k as usize..].iter().sum(),
         };
         let each: Vec<Octave> = (0..amplitudes_m.len() as u32).map(octave).collect();
@@ -95,6 +103,13 @@ impl Octaves {
         Place { cell: cell.as_i64vec2() + self.origin, fraction: sample - cell }
     }
 
+    /// Height of octave k in metres, and its slope in metres for each cell to the east and to the south.
+    pub fn octave(&self, place: &Place, k: u32) -> (f64, DVec2) {
+        let (value, slope) = noise(place, k, self.seed);
+        let amplitude_m = self.each[k as usize - 1].amplitude_m;
+        (amplitude_m * value, amplitude_m * lattice_cells(k) * slope)
+    }
+
     /// Height of octave k in metres.
     pub fn octave_m(&self, place: &Place, k: u32) -> f64 {
         self.each[k as usize - 1].amplitude_m * noise(place, k, self.seed).0
@@ -105,14 +120,13 @@ impl Octaves {
         (1..=self.count()).map(|k| self.octave_m(place, k)).sum()
     }
 
-    /// The sum of octaves that count by a weight each, and its slope in metres for each cell to the east and to the south.
+    /// The sum of octaves that count by a weight each, and its slope.
     pub fn weighted(&self, place: &Place, weight: impl Fn(u32) -> f64) -> (f64, DVec2) {
-        let octave = |(k, octave): (u32, &Octave)| {
-            let (value, slope) = noise(place, k, self.seed);
-            let amplitude_m = weight(k) * octave.amplitude_m;
-            (amplitude_m * value, amplitude_m * lattice_cells(k) * slope)
+        let octave = |k: u32| {
+            let (height_m, slope) = self.octave(place, k);
+            (weight(k) * height_m, weight(k) * slope)
         };
-        let counts = self.each().filter(|(k, _)| weight(*k) > 0.0);
+        let counts = (1..=self.count()).filter(|k| weight(*k) > 0.0);
         counts.map(octave).fold((0.0, DVec2::ZERO), |sum, octave| (sum.0 + octave.0, sum.1 + octave.1))
     }
 }
@@ -273,6 +287,21 @@ mod tests {
         }
         assert!((0.8..=1.0).contains(&highest), "{highest}");
         assert!((0.5..=1.0).contains(&steepest), "{steepest}");
+    }
+
+    /// Between two places, slopes differ by no more than what they are apart times the most curvature, and somewhere by a good part of that.
+    #[test]
+    fn no_octave_is_more_curved_than_it_is_said_to_be() {
+        let octaves = octaves(5);
+        let mut most = 0.0f64;
+        for i in 0..100_000 {
+            let at = DVec2::new((f64::from(i) * 0.618_033_988_7).fract(), (f64::from(i) * 0.754_877_666_2).fract());
+            let (k, by) = (1 + i as u32 % 5, DVec2::from_angle(f64::from(i)) * 1e-4);
+            let slope = |place: DVec2| octaves.octave(&octaves.place(place), k).1;
+            let change = (slope(at * 200.0 + by) - slope(at * 200.0)).length();
+            most = most.max(change / (1e-4 * octaves.each[k as usize - 1].most_curved));
+        }
+        assert!((0.3..=1.0).contains(&most), "{most}");
     }
 
     /// The slope is the height's own, over the lines of the lattice, too, and far from the origin.

@@ -9,7 +9,7 @@ use rand::rngs::ChaCha12Rng as Dice;
 
 use crate::experiment::diagnostic::Source as Text;
 use crate::experiment::parameters::{Limits, ParameterKind, describe};
-use crate::experiment::scene::Surface;
+use crate::experiment::scene::{Detail, Surface};
 use crate::experiment::tree::Node;
 use crate::stages;
 
@@ -20,6 +20,8 @@ const VIEWS: usize = 16;
 pub struct Trial {
     pub terrain: Terrain,
     pub surface: Surface,
+    /// Octaves over the terrain.
+    pub detail: Detail,
     /// Stages as they are written.
     pub chain: Vec<String>,
     /// Values of parameters, by their paths.
@@ -238,6 +240,38 @@ fn other_numbers(dice: &mut Dice, own: &str, (count, is_whole): (usize, bool), l
     }
 }
 
+/// Octaves as there are on the ground, and as there are on none.
+fn roll_detail(dice: &mut Dice, terrain: &Terrain) -> Detail {
+    let far = dice.random_range(-1_000_000_000..1_000_000_000);
+    Detail {
+        octaves: one_of(dice, &[1, 2, 4, 8, 30]),
+        amplitude_m: rounded(terrain.cell_m.min_element() * about(dice, 1e-3, 1.0)),
+        persistence: one_of(dice, &[0.3, 0.45, 0.5, 0.5, 0.8]),
+        seed: dice.random_range(0..100_000),
+        origin: one_of(dice, &[(0, 0), (0, 0), (-1, 1), (far, -far)]),
+    }
+}
+
+fn simpler_details(detail: &Detail) -> [Detail; 5] {
+    [
+        Detail::default(),
+        Detail { octaves: detail.octaves / 2, ..*detail },
+        Detail { octaves: detail.octaves.saturating_sub(1), ..*detail },
+        Detail { persistence: 0.5, seed: 0, ..*detail },
+        Detail { origin: (0, 0), ..*detail },
+    ]
+}
+
+fn written(detail: &Detail) -> String {
+    let Detail { octaves, amplitude_m, persistence, seed, origin } = detail;
+    match octaves {
+        0 => "()".into(),
+        _ => format!(
+            "(octaves: {octaves}, amplitude_m: {amplitude_m:?}, persistence: {persistence:?}, seed: {seed}, origin: {origin:?})"
+        ),
+    }
+}
+
 impl Trial {
     /// `chains` are those that can be drawn, each with the surface that it is only for.
     pub fn roll(dice: &mut Dice, chains: &[super::Known], dems: &[(PathBuf, UVec2)]) -> Self {
@@ -251,12 +285,14 @@ impl Trial {
             chain.drain(first..last);
         }
         let settings = vary(dice, &chain);
+        let detail = if dice.random_bool(0.2) { roll_detail(dice, &terrain) } else { Detail::default() };
         let views = (0..VIEWS).map(|_| View::roll(dice, &terrain)).collect();
         let viewport_px =
             one_of(dice, &[UVec2::new(64, 48), UVec2::new(160, 120), UVec2::new(33, 81), UVec2::new(129, 97)]);
         Self {
             terrain,
             surface,
+            detail,
             chain,
             settings,
             views,
@@ -286,6 +322,7 @@ impl Trial {
         if let [view] = &self.views[..] {
             all.extend(view.simpler().into_iter().map(|view| Self { views: vec![view], ..self.clone() }));
         }
+        all.extend(simpler_details(&self.detail).into_iter().map(|detail| Self { detail, ..self.clone() }));
         all.push(Self { fov_deg: 60.0, ..self.clone() });
         all.push(Self { viewport_px: UVec2::new(64, 48), ..self.clone() });
         all.retain(|simpler| simpler != self);
@@ -298,10 +335,11 @@ impl Trial {
         let others: String = others.map(|(_, view)| format!("// planned for this eye, too: {view}\n")).collect();
         others
             + &format!(
-                "Experiment(\n    scene: (\n        terrain: {},\n        surface: {:?},\n        camera: {},\n        viewport: ({}, {}),\n        \
+                "Experiment(\n    scene: (\n        terrain: {},\n        surface: {:?},\n        detail: {},\n        camera: {},\n        viewport: ({}, {}),\n        \
              fov_deg: {:?},\n    ),\n    chains: {{\"found\": [{}]}},\n    measure: [ScreenError, Mesh],\n)\n",
                 self.terrain,
                 self.surface,
+                written(&self.detail),
                 self.views[view],
                 self.viewport_px.x,
                 self.viewport_px.y,

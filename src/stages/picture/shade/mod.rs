@@ -86,10 +86,11 @@ impl Stage for Shade {
             chain.leave_out("normals and sun", reason, 0, pixels);
         }
         if self.needs_sun(&light) && chain.octaves().is_none() {
-            chain.leave_out("octaves in the normals", "the scene has no detail", 0, pixels);
+            chain.leave_out("octaves in the normals", "the scene has no detail", 0, 0);
         }
         let level = chain.products().find(|level: &MeshLevel<BufferId>| level.distance == distance);
         let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| level.level);
+        let is_lit = self.octaves != Light::None && chain.octaves().is_some();
         let map = chain.input(COLOUR_MAP).filter(|_| self.map);
         let map_size = map.map_or([1, 1], |map| [chain.buffer(map).dims[1], chain.buffer(map).dims[0]]);
         match (map, self.tint) {
@@ -106,7 +107,7 @@ impl Stage for Shade {
             .bind("colour", colour)
             .bind_or_leave("colour_map", map)
             .bind_or_leave("mesh_level", level)
-            .constant("LIT", f64::from(self.octaves != Light::None))
+            .constant("LIT", f64::from(is_lit))
             .constant("BY_MESH", f64::from(level.is_some()))
             .constant("MAP", f64::from(map.is_some()))
             .constant("TINT", f64::from(self.tint && map.is_none()))
