@@ -236,8 +236,10 @@ fn hit_in_octaves(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32
         var amplitude_m = params.octaves.amplitude_m;
         var rest_m = params.octaves.most_m;
         var step = way_over(over, rest_m);
+        // half of what is near enough is for octaves that are too low to matter here
+        let near_m = 0.5 * params.octaves.near * t;
         var k = 1u;
-        while k <= params.octaves.count && step <= t1 - t {
+        while k <= params.octaves.count && step <= t1 - t && rest_m > near_m {
             let octave = side * amplitude_m * octave_noise(place, k);
             let waves = octave_cells(k) * ground;
             over.over_m -= octave.x;
@@ -250,7 +252,7 @@ fn hit_in_octaves(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32
             amplitude_m *= params.octaves.persistence;
             k += 1u;
         }
-        if step <= t1 - t && over.over_m <= params.octaves.near * t {
+        if step <= t1 - t && over.over_m <= near_m {
             return t;
         }
         t = max(t + step, t * 1.0000003);

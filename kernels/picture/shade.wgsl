@@ -3,6 +3,7 @@
 //!include lib/relief.wgsl
 //!include ground as image
 //!include ground/octaves.wgsl
+//!include lib/turbulence.wgsl
 // Distances to a picture: hypsometric tint or a map of colours, sun on the normal of the full-resolution terrain, sky.
 
 struct Params {
@@ -15,6 +16,8 @@ struct Params {
     ambient: f32,
     /// Columns and rows of the map of colours.
     map_size: vec2<u32>,
+    /// How far turbulence moves a place in it at most.
+    turbulence_cells: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -26,6 +29,16 @@ struct Params {
 
 /// Pyramid level of the mesh at each pixel, less its split octave.
 @group(0) @binding(4) var<storage, read> mesh_level: array<f32>;
+
+/// A periodic texture of turbulence, its levels one after the other; east in the lowest byte, south in the next.
+@group(0) @binding(5) var<storage, read> turbulence_texture: array<u32>;
+
+/// Turbulence moves the place in the map of colours,
+override TURBULENT: bool = false;
+/// and is looked up in the texture.
+override BY_TEXTURE: bool = false;
+/// The finest octave of turbulence that is made for each pixel.
+const TURBULENCE_FINEST: u32 = 8u;
 
 /// Octaves turn the normal,
 override LIT: bool = false;
@@ -92,9 +105,43 @@ fn map_texel(at: vec2<u32>) -> vec3<f32> {
     return unpack4x8unorm(colour_map[at.y * params.map_size.x + at.x]).xyz;
 }
 
+fn turbulence_texel(level: u32, at: vec2<u32>) -> vec2<f32> {
+    let side = TURBULENCE_TEXELS >> level;
+    let texel = at & vec2(side - 1u);
+    return 2.0 * unpack4x8unorm(turbulence_texture[turbulence_start(level) + texel.y * side + texel.x]).xy - 1.0;
+}
+
+/// A level of the texture, blended bilinearly; beyond the coarsest there is nothing.
+fn turbulence_level(level: u32, place: OctavePlace) -> vec2<f32> {
+    let finest = min(level, TURBULENCE_LEVELS - 1u);
+    let part = vec2<f32>(place.high >> vec2(8u)) / 16777216.0;
+    let cells = vec2<f32>(place.cell & vec2(i32(TURBULENCE_PERIOD - 1u))) + part;
+    let at = cells * (f32(TURBULENCE_TEXELS >> finest) / f32(TURBULENCE_PERIOD)) - 0.5;
+    let low = vec2<u32>(vec2<i32>(floor(at)));
+    let w = at - floor(at);
+    let north = mix(turbulence_texel(finest, low), turbulence_texel(finest, low + vec2(1u, 0u)), w.x);
+    let south = mix(turbulence_texel(finest, low + vec2(0u, 1u)), turbulence_texel(finest, low + 1u), w.x);
+    return select(mix(north, south, w.y), vec2(0.0), level >= TURBULENCE_LEVELS);
+}
+
+/// How far a place is moved, as a part of the most; `split` is the octave with waves of two pixels.
+fn moved_by_turbulence(place: OctavePlace, split: f32) -> vec2<f32> {
+    if !BY_TEXTURE {
+        return turbulence(place, split, TURBULENCE_FINEST, 0u);
+    }
+    // where a texel is as large as a pixel: 2^-5 of a cell at the finest level
+    let level = clamp(5.0 - split, 0.0, f32(TURBULENCE_LEVELS));
+    let finer = min(u32(level), TURBULENCE_LEVELS - 1u);
+    return mix(turbulence_level(finer, place), turbulence_level(finer + 1u, place), level - f32(finer));
+}
+
 /// Colour of the ground, blended bilinearly.
-fn map_colour(position_m: vec2<f32>) -> vec3<f32> {
-    let place = cells_from_world(params.terrain, position_m) + params.terrain.eye_fraction;
+fn map_colour(position_m: vec2<f32>, split: f32) -> vec3<f32> {
+    let cells = cells_from_world(params.terrain, position_m);
+    var place = cells + params.terrain.eye_fraction;
+    if TURBULENT {
+        place += params.turbulence_cells * moved_by_turbulence(octave_place(cells), split);
+    }
     let last = vec2<f32>(params.map_size - 1u);
     let scale = last / vec2<f32>(params.terrain.size - 1u);
     let at = clamp((vec2<f32>(params.terrain.eye_cell) + place) * scale, vec2(0.0), last);
@@ -125,17 +172,17 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if TINT {
             shade = tint((position_m.z - params.relief.low_m) / params.relief.range_m);
         }
+        var split = 0.0;
+        if LIT || TURBULENT {
+            // waves of two pixels, whose size is the depth times what a step of a pixel is at the depth 1
+            let depth = along / length(view_ray_of_pixel(params.camera, id.xy));
+            let pixel_m = length(params.camera.right_hi + params.camera.right_lo) * depth;
+            split = log2(max(params.terrain.cell_m.x, params.terrain.cell_m.y) / max(pixel_m, 1e-12));
+        }
         if MAP {
-            shade = map_colour(position_m.xy);
+            shade = map_colour(position_m.xy, split);
         }
         if SUN {
-            var split = 0.0;
-            if LIT {
-                // waves of two pixels, whose size is the depth times what a step of a pixel is at the depth 1
-                let depth = along / length(view_ray_of_pixel(params.camera, id.xy));
-                let pixel_m = length(params.camera.right_hi + params.camera.right_lo) * depth;
-                split = log2(max(params.terrain.cell_m.x, params.terrain.cell_m.y) / max(pixel_m, 1e-12));
-            }
             if BY_MESH {
                 split = -mesh_level[index];
             }

@@ -1,7 +1,10 @@
 //! The octaves over the ground, seen from the eye: `Octaves` of `kernels/ground/octaves.wgsl`.
 
+use glam::I64Vec2;
+
 use super::Block;
 use crate::camera::Camera;
+use crate::ground::octaves::Place;
 use crate::ground::{Detailed, Ground, foreground};
 use crate::kernel::FieldKind::{F32, I32, U32};
 
@@ -22,20 +25,22 @@ pub const BLOCK: Block = Block {
     ],
     changes: true,
     fill: |frame, values| {
-        let Some(detail) = frame.data.ground.detail() else {
-            values.add([0i32; 2]).add([0u32; 2]).add([0u32; 2]).add(0u32).add(0u32);
-            values.add(0.0f32).add(0.0f32).add(0.0f32).add(0.0f32).add(0u32).add(0u32);
-            return;
-        };
-        let octaves = detail.octaves();
-        let eye = octaves.place(detail.lattice().sample_from_world(frame.camera.eye_m.truncate()));
+        let ground = frame.data.ground.as_ref();
+        let origin = ground.detail().map_or(I64Vec2::ZERO, |detail| detail.octaves().origin);
+        let eye = Place::new(ground.lattice().sample_from_world(frame.camera.eye_m.truncate()), origin);
         let high = (eye.fraction * 2f64.powi(32)).floor();
         let low = (eye.fraction * 2f64.powi(32) - high) * 2f64.powi(32);
         values
             // (cells are counted modulo 2^32: no terrain is so large)
             .add(eye.cell.to_array().map(|cell| cell as i32))
             .add(high.to_array().map(|high| high as u32))
-            .add(low.to_array().map(|low| low as u32))
+            .add(low.to_array().map(|low| low as u32));
+        let Some(detail) = ground.detail() else {
+            values.add(0u32).add(0u32).add(0.0f32).add(0.0f32).add(0.0f32).add(0.0f32).add(0u32).add(0u32);
+            return;
+        };
+        let octaves = detail.octaves();
+        values
             .add(octaves.count())
             .add(octaves.seed)
             .add(octaves.amplitude_m as f32)

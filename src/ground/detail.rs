@@ -121,7 +121,7 @@ impl Detailed {
         loop {
             let over_m = stretch.at(t) - gap.m - gap.of_way * t;
             let (step, left_m) = self.step(ray, t, (over_m, stretch.falls() + gap.of_way.max(0.0)), side, end - t);
-            if left_m.is_some_and(|left_m| left_m <= MET * t) {
+            if left_m.is_some_and(|left_m| left_m <= 0.5 * MET * t) {
                 return Some(t);
             }
             t = (t + step).max(t * (1.0 + f64::EPSILON));
@@ -158,6 +158,10 @@ impl Detailed {
             step = step.max(over.way(octave.rest_m));
             if step > enough {
                 return (step, None);
+            }
+            // half of what is near enough is for octaves that are too low to matter here
+            if octave.rest_m <= 0.5 * MET * t {
+                return (step, Some(over.over_m));
             }
             let (height_m, slope) = self.octaves.octave(&place, k);
             over.over_m -= side * height_m;

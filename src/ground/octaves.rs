@@ -18,6 +18,14 @@ pub struct Place {
     pub fraction: DVec2,
 }
 
+impl Place {
+    /// The place of sample coordinates; `origin` is the first sample.
+    pub fn new(sample: DVec2, origin: I64Vec2) -> Self {
+        let cell = sample.floor();
+        Self { cell: cell.as_i64vec2() + origin, fraction: sample - cell }
+    }
+}
+
 /// The octaves of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Octaves {
@@ -99,20 +107,19 @@ impl Octaves {
 
     /// The place of sample coordinates.
     pub fn place(&self, sample: DVec2) -> Place {
-        let cell = sample.floor();
-        Place { cell: cell.as_i64vec2() + self.origin, fraction: sample - cell }
+        Place::new(sample, self.origin)
     }
 
     /// Height of octave k in metres, and its slope in metres for each cell to the east and to the south.
     pub fn octave(&self, place: &Place, k: u32) -> (f64, DVec2) {
-        let (value, slope) = noise(place, k, self.seed);
+        let (value, slope) = noise(place, k, self.seed, EVERYWHERE);
         let amplitude_m = self.each[k as usize - 1].amplitude_m;
         (amplitude_m * value, amplitude_m * lattice_cells(k) * slope)
     }
 
     /// Height of octave k in metres.
     pub fn octave_m(&self, place: &Place, k: u32) -> f64 {
-        self.each[k as usize - 1].amplitude_m * noise(place, k, self.seed).0
+        self.each[k as usize - 1].amplitude_m * noise(place, k, self.seed, EVERYWHERE).0
     }
 
     /// The sum of all octaves in metres.
@@ -146,16 +153,19 @@ fn node(place: &Place, k: u32) -> (I64Vec2, DVec2) {
     ((place.cell << shift) + finer.floor().as_i64vec2(), finer - finer.floor())
 }
 
-/// Octave k with the amplitude 1, and its slope for each side of a cell of its lattice.
+/// The bits of a node's number that count: all of them, so that no node is there twice.
+pub const EVERYWHERE: i64 = -1;
+
+/// Octave k with the amplitude 1, and its slope for each side of a cell of its lattice. With fewer bits of a node's number it is periodic.
 #[inline(always)]
-fn noise(place: &Place, k: u32, seed: u32) -> (f64, DVec2) {
+pub fn noise(place: &Place, k: u32, seed: u32, bits: i64) -> (f64, DVec2) {
     let (first, from_first) = node(place, k);
     let seed = mixed(seed.wrapping_add(k.wrapping_mul(GOLDEN)));
     let (fade, fade_slope) = (from_first.map(fade), from_first.map(fade_slope));
     let (mut height, mut slope) = (0.0, DVec2::ZERO);
     for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
         let corner = I64Vec2::new(x, y);
-        let (wave, wave_slope) = waves_of(hash(first + corner, seed), from_first - corner.as_dvec2());
+        let (wave, wave_slope) = waves_of(hash((first + corner) & bits, seed), from_first - corner.as_dvec2());
         let weight = |axis: usize| if corner[axis] == 1 { fade[axis] } else { 1.0 - fade[axis] };
         let weight_slope = |axis: usize| if corner[axis] == 1 { fade_slope[axis] } else { -fade_slope[axis] };
         height += weight(0) * weight(1) * wave;

@@ -1,4 +1,5 @@
 mod reference;
+mod turbulence;
 
 use glam::{DVec3, UVec2};
 use schemars::JsonSchema;
@@ -19,7 +20,7 @@ pub const INFO: Info = Info {
     formula: "colour = (map or tint(height)) (ambient + (1 - ambient) max(n . sun, 0)); n from central differences and the slopes of octaves",
     source: "deferred shading as in Loeffler et al. 2009, section 4; octaves up to the pixel after Dachsbacher, Stamminger 2004, section 4.1",
     reads: &["mesh_level"],
-    writes: &["colour"],
+    writes: &["colour", "turbulence"],
     needs: &[what::<Drawn<()>>()],
     offers: &[what::<Picture<()>>()],
     parameters: schema::<Shade>,
@@ -27,6 +28,9 @@ pub const INFO: Info = Info {
     examples: &[
         Example::new("[HeightPyramid, RayCast, Shade]"),
         Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade]")
+            .in_benches(&[("ViewGrid.size", "(512, 384)")]),
+        Example::new("[HeightPyramid, RayCast, Shade(turbulence: Pixel)]"),
+        Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade(turbulence: Texture, octaves: Mesh)]")
             .in_benches(&[("ViewGrid.size", "(512, 384)")]),
     ],
     ..Info::EMPTY
@@ -43,6 +47,23 @@ pub struct Shade {
     sun: bool,
     /// which octaves of the scene's detail turn the normal
     octaves: Light,
+    /// how borders in the map of colours are washed out, by turbulence that moves the places where it is looked up
+    turbulence: Turbulence,
+    /// how far turbulence moves a place at most, in cells
+    #[schemars(extend("minimum" = 0))]
+    turbulence_cells: f64,
+}
+
+/// Where turbulence is from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+enum Turbulence {
+    /// there is none
+    #[default]
+    None,
+    /// made for each pixel, never the same in two places
+    Pixel,
+    /// a periodic texture of 512 x 512 texels over 16 x 16 cells, with levels
+    Texture,
 }
 
 /// Which octaves turn the normal.
@@ -59,7 +80,7 @@ enum Light {
 
 impl Default for Shade {
     fn default() -> Self {
-        Self { map: true, tint: true, sun: true, octaves: Light::default() }
+        Self { map: true, tint: true, sun: true, octaves: Light::default(), turbulence: Turbulence::default(), turbulence_cells: 2.0 }
     }
 }
 
@@ -92,6 +113,15 @@ impl Stage for Shade {
         let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| level.level);
         let is_lit = self.octaves != Light::None && chain.octaves().is_some();
         let map = chain.input(COLOUR_MAP).filter(|_| self.map);
+        let is_turbulent = self.turbulence != Turbulence::None && self.turbulence_cells > 0.0 && map.is_some();
+        if self.turbulence != Turbulence::None && !is_turbulent {
+            let reason = if map.is_none() { "there is no map of colours whose borders it could wash out" } else { "it moves nothing" };
+            chain.leave_out("turbulence", reason, 0, 0);
+        }
+        let texture = match is_turbulent && self.turbulence == Turbulence::Texture {
+            true => Some(turbulence::make_texture(chain)?),
+            false => None,
+        };
         let map_size = map.map_or([1, 1], |map| [chain.buffer(map).dims[1], chain.buffer(map).dims[0]]);
         match (map, self.tint) {
             (Some(_), true) => chain.leave_out("the colour ramp", "the scene has a map of colours", 0, pixels),
@@ -107,6 +137,10 @@ impl Stage for Shade {
             .bind("colour", colour)
             .bind_or_leave("colour_map", map)
             .bind_or_leave("mesh_level", level)
+            .bind_or_leave("turbulence_texture", texture)
+            .constant("TURBULENT", f64::from(is_turbulent))
+            .constant("BY_TEXTURE", f64::from(texture.is_some()))
+            .set("turbulence_cells", self.turbulence_cells as f32)
             .constant("LIT", f64::from(is_lit))
             .constant("BY_MESH", f64::from(level.is_some()))
             .constant("MAP", f64::from(map.is_some()))

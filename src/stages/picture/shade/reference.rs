@@ -1,9 +1,10 @@
-use glam::{DVec2, DVec3, UVec2};
+use glam::{DVec2, DVec3, I64Vec2, UVec2};
 
-use super::{Light, Shade, sun_direction};
+use super::turbulence::{self, Turbulent};
+use super::{Light, Shade, Turbulence, sun_direction};
 use crate::frame::octaves::{for_light, octave_of_pixels};
 use crate::frame::relief::height_range_m;
-use crate::ground::octaves::Octaves;
+use crate::ground::octaves::{Octaves, Place};
 use crate::plan::product::{Drawn, MeshLevel, Picture};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::scene::COLOUR_MAP;
@@ -14,6 +15,12 @@ impl Reference for Shade {
         let drawn: Drawn<_> = buffers.latest()?;
         let map = if self.map { buffers.find(COLOUR_MAP).map(|id| buffers.values(id)) } else { None };
         let map = map.as_deref();
+        let is_turbulent = self.turbulence != Turbulence::None && self.turbulence_cells > 0.0 && map.is_some();
+        let texture = (is_turbulent && self.turbulence == Turbulence::Texture).then(|| {
+            let texture = buffers.put("turbulence", turbulence::texture());
+            buffers.values(texture)
+        });
+        let turbulent = texture.as_deref().map_or(Turbulent::ByPixel, Turbulent::ByTexture);
         let distance = buffers.values(drawn.distance);
         let level = buffers.products().find(|level: &MeshLevel<_>| level.distance == drawn.distance);
         let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| buffers.values(level.level));
@@ -27,11 +34,13 @@ impl Reference for Shade {
                     t if t.is_nan() => (sky(ray), DVec3::ZERO),
                     t => {
                         let depth_m = t * ray.dot(frame.camera.forward());
+                        let of_pixels = octave_of_pixels(frame.lattice().cell_m.max_element(), frame.camera, depth_m);
                         let split = match &level {
                             Some(level) => (-level.value[at], level.bound[at]),
-                            None => (octave_of_pixels(frame.lattice().cell_m.max_element(), frame.camera, depth_m), 1e-6),
+                            None => (of_pixels, 1e-6),
                         };
-                        self.ground(&Lit { frame, map, split }, ray, t, distance.bound[at])
+                        let turbulent = is_turbulent.then_some((&turbulent, of_pixels));
+                        self.ground(&Lit { frame, map, split, turbulent }, ray, t, distance.bound[at])
                     }
                 };
                 for channel in 0..4 {
@@ -55,9 +64,19 @@ struct Lit<'a> {
     map: Option<&'a Values>,
     /// The octaves below it turn the normal; how far rounding may move it.
     split: (f64, f64),
+    /// What moves places in the map, and the octave with waves of two pixels.
+    turbulent: Option<(&'a Turbulent<'a>, f64)>,
 }
 
 impl Lit<'_> {
+    /// Where the map of colours is looked up, in sample coordinates.
+    fn sample(&self, position_m: DVec2, most_cells: f64) -> DVec2 {
+        let sample = self.frame.lattice().sample_from_world(position_m);
+        let Some((turbulent, split)) = &self.turbulent else { return sample };
+        let origin = self.frame.ground.detail().map_or(I64Vec2::ZERO, |detail| detail.octaves().origin);
+        sample + most_cells * turbulent.moved(&Place::new(sample, origin), *split)
+    }
+
     fn weight(&self, k: u32, seen: u32) -> f64 {
         if k <= seen { (self.split.0 - f64::from(k)).clamp(0.0, 1.0) } else { 0.0 }
     }
@@ -91,6 +110,12 @@ impl Shade {
         let off = bound + 16.0 * EPSILON * (t + frame.camera.eye_m.z.abs() + (origin.fract() + 1.0) * cell);
         // a place in the map is a product of its place on the terrain
         let off = off + map.map_or(0.0, |_| 8.0 * EPSILON * frame.lattice().extent_m().max_element());
+        // turbulence moves it by what is rounded, too, and by where the pixel's size is
+        let off = off
+            + lit.turbulent.as_ref().map_or(0.0, |(turbulent, _)| {
+                let off_split = (1e-6 + 2.0 * bound / t.max(1e-9)).min(1.0);
+                self.turbulence_cells * cell * (turbulent.off() + 300.0 * EPSILON + 2.0 * off_split)
+            });
         let around = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis * off, -axis * off]);
         let spread =
             around.map(|by| (self.colour(lit, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
@@ -117,7 +142,7 @@ impl Shade {
         let (low, high) = frame.data.ground.range_m();
         let mut colour = DVec3::splat(0.75);
         if let Some(map) = map {
-            colour = map_colour(frame, map, world.truncate());
+            colour = map_colour(frame, map, lit.sample(world.truncate(), self.turbulence_cells));
         } else if self.tint {
             colour = tint((world.z - low) / height_range_m(low, high));
         }
@@ -148,10 +173,10 @@ fn tint(share: f64) -> DVec3 {
 }
 
 /// The map's colour over a place, bilinear; its first and last columns and rows are on the terrain's border.
-fn map_colour(frame: &Frame, map: &Values, position_m: DVec2) -> DVec3 {
+fn map_colour(frame: &Frame, map: &Values, sample: DVec2) -> DVec3 {
     let last = DVec2::new((map.dims[1] - 1).into(), (map.dims[0] - 1).into());
     let lattice = frame.lattice();
-    let at = lattice.sample_from_world(position_m) / lattice.last().as_dvec2() * last;
+    let at = sample / lattice.last().as_dvec2() * last;
     let at = at.clamp(DVec2::ZERO, last);
     let (low, w) = (at.floor(), at - at.floor());
     let texel = |dx: f64, dy: f64| {
