@@ -5,7 +5,8 @@ use glam::{DMat3, DVec2, DVec3};
 use crate::experiment::scene::{self, Scene};
 use crate::ground::{Ground, foreground};
 
-/// How often the sum of octaves is rounded, as far as has been seen: up to ten times to 2^-24 of what all can add.
+/// How often the sum of octaves is rounded to 2^-24 of what all can add: ten times as far as the hunt has seen, of the 160 that are derived for
+/// references.
 const OCTAVES_ROUNDED: f64 = 20.0;
 
 /// One frame's camera. Pixel (0, 0) is top left, pixel centres are at +0.5.
@@ -61,7 +62,8 @@ impl Camera {
     /// distance, and a place that is off is on a slope. Octaves are rounded to a part of their own height, however near they are.
     pub fn rounding_px(&self, ground: &dyn Ground) -> f64 {
         let of_octaves = ground.detail().map_or(0.0, |detail| {
-            OCTAVES_ROUNDED * 2f64.powi(-24) * detail.octaves().most_m() / foreground::least_distance_m(ground, self.eye_m)
+            OCTAVES_ROUNDED * 2f64.powi(-24) * detail.octaves().most_m()
+                / foreground::least_distance_m(ground, self.eye_m)
         });
         self.most_px() * (8.0 * 2f64.powi(-24) * ground.steepest_seen().hypot(1.0) + of_octaves)
     }

@@ -310,6 +310,23 @@ fn ron_cases() -> Vec<Case> {
         ),
         case("gap filled with nothing", dem("file: \"heights.npy\", cell_m: 90, nodata: Fill(NaN)")),
         case("light from nowhere", experiment("viewport:", "light: (azimuth_deg: NaN), viewport:")),
+        case("more octaves than there are", experiment("viewport:", "detail: (octaves: 31), viewport:")),
+        case(
+            "octaves of a negative height",
+            experiment("viewport:", "detail: (octaves: 3, amplitude_m: -2), viewport:"),
+        ),
+        case(
+            "octaves steeper than ground",
+            experiment("viewport:", "detail: (octaves: 9, amplitude_m: 1e6), viewport:"),
+        ),
+        case(
+            "octaves from too far",
+            experiment("viewport:", "detail: (octaves: 3, origin: (2147483647, 0)), viewport:"),
+        ),
+        case(
+            "a bound over octaves",
+            experiment("viewport:", "detail: (octaves: 3), viewport:").replace("Project,", "Project, GridError,"),
+        ),
         case("light below zero", experiment("viewport:", "light: (ambient: -5), viewport:")),
         case("threshold below zero", experiment("[ScreenError,", "[ScreenError(threshold_px: -1),")),
         case("field of view of a hair", experiment("viewport:", "fov_deg: 0.001, viewport:")),

@@ -25,7 +25,13 @@ fn agrees(case: &cases::Case) -> Result<(), Failed> {
 
 fn every_buffer_is_compared() -> Result<(), Failed> {
     // one of them from outside, where no rays are led, one from inside, and one over octaves
-    let scenes = ["anisotropic Triangles", "slow Triangles", "gentle Triangles", "octaves Triangles", "octaves coloured Triangles"];
+    let scenes = [
+        "anisotropic Triangles",
+        "slow Triangles",
+        "gentle Triangles",
+        "octaves Triangles",
+        "octaves coloured Triangles",
+    ];
     let gpu = Gpu::open(None)?;
     let mut outcomes = Vec::new();
     for case in cases::cases(None)?.iter().filter(|case| scenes.contains(&case.name.as_str())) {

@@ -117,7 +117,9 @@ fn on_lines_and_borders() {
 /// What the octaves add is part of it: from foot and from the air, and as many octaves as there can be.
 #[test]
 fn over_octaves() {
-    for detail in ["octaves: 6, amplitude_m: 3", "octaves: 30, amplitude_m: 2, persistence: 0.45, origin: (333333, -333333)"] {
+    for detail in
+        ["octaves: 6, amplitude_m: 3", "octaves: 30, amplitude_m: 2, persistence: 0.45, origin: (333333, -333333)"]
+    {
         for surface in ["Triangles", "Bilinear"] {
             let rest = format!("viewport: (97, 73), surface: {surface}, detail: ({detail})");
             for (terrain, x_m, y_m) in [(HIGH, 5123.4, 6789.0), (DEEP, 1118.72, 1564.16)] {

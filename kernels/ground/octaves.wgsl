@@ -29,14 +29,16 @@ struct Octaves {
     @size(12) for_light: u32,
 }
 
-/// The place of relative sample coordinates. Nothing of them is lost.
+/// The place of relative sample coordinates, good to 2^-54 of a cell.
 fn octave_place(cells: vec2<f32>) -> OctavePlace {
     let whole = floor(cells + 0.5);
     // what is left is less than a cell: 30 bits of it, 2 more, and the last 32
     let left = (cells - whole) * 1073741824.0;
     let first = floor(left);
-    let second = floor((left - first) * 4.0);
-    let low = vec2<u32>(((left - first) * 4.0 - second) * 4294967296.0);
+    // (a place a hair's breadth to the west or north must not become the next one)
+    let rest = 4.0 * min(left - first, vec2(0.99999994));
+    let second = floor(rest);
+    let low = vec2<u32>((rest - second) * 4294967296.0);
     let high = (vec2<u32>(vec2<i32>(first)) << vec2(2u)) + vec2<u32>(second);
     let eye = params.octaves;
     let low_sum = eye.eye_low + low;

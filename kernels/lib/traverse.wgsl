@@ -221,7 +221,8 @@ fn way_over(over: OverOctaves, rest_m: f32) -> f32 {
 }
 
 /// The first t in [t0, t1] at which a ray is all but at the surface with its octaves inside the cell, or FAR. No step is longer than the
-/// surface needs to come to the ray at its steepest, and octaves that cannot matter are not asked.
+/// surface needs to come to the ray at its steepest, and octaves that cannot matter are not asked. Who runs out of steps is close to the
+/// surface, and has met it.
 fn hit_in_octaves(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32 {
     let h = relative_corners(cell);
     // how fast the surface between samples comes to the ray, on either side of the diagonal
@@ -246,7 +247,7 @@ fn hit_in_octaves(ray: Ray, cell: vec2<i32>, t0: f32, t1: f32, side: f32) -> f32
             over.falls += octave_cells(k) * dot(octave.yz, ray.direction.xy);
             over.fastest += amplitude_m * waves * OCTAVE_STEEPEST;
             over.bends += amplitude_m * waves * waves * OCTAVE_CURVED;
-            rest_m = max(rest_m * 1.000001 - amplitude_m, 0.0);
+            rest_m = max(rest_m - amplitude_m, 0.0);
             rest_m = select(rest_m, 0.0, k == params.octaves.count);
             step = max(step, way_over(over, rest_m));
             amplitude_m *= params.octaves.persistence;

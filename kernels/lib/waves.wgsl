@@ -14,7 +14,7 @@ const OCTAVE_WAVE: f32 = 6.2625;
 /// No octave is steeper than its amplitude times this, for each side of a cell of its lattice.
 const OCTAVE_STEEPEST: f32 = 17.83;
 /// Nor does its slope change faster than this times the amplitude.
-const OCTAVE_CURVED: f32 = 317.0;
+const OCTAVE_CURVED: f32 = 317.1;
 
 /// A permutation of 32 bits in which each bit hangs on all.
 fn octave_mixed(bits: vec2<u32>) -> vec2<u32> {

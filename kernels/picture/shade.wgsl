@@ -27,7 +27,7 @@ struct Params {
 /// Colours of the ground, red in the lowest byte; the first and last columns and rows are on the terrain's border.
 @group(0) @binding(3) var<storage, read> colour_map: array<u32>;
 
-/// Pyramid level of the mesh at each pixel, less its split octave.
+/// Pyramid level of the mesh at each pixel, or minus its split octave.
 @group(0) @binding(4) var<storage, read> mesh_level: array<f32>;
 
 /// A periodic texture of turbulence, its levels one after the other; east in the lowest byte, south in the next.

@@ -121,6 +121,7 @@ pub fn cases(stage: Option<&str>) -> Result<Vec<Case>, Diagnostic> {
     let detailed = |detail: &str| format!("{rough}, detail: ({detail})");
     let six = detailed("octaves: 6, amplitude_m: 2.5, seed: 3");
     let thirty = detailed("octaves: 30, amplitude_m: 4, persistence: 0.45, origin: (10000000, -10000000)");
+    let smallest = format!("{}, detail: (octaves: 5, amplitude_m: 3, persistence: 1)", terrains[0].1);
     let coloured = format!("{six}, colour: Cover(rock_deg: 25)");
     let views = views.into_iter().chain([
         ("octaves coloured", coloured.as_str(), orbit),
@@ -128,6 +129,8 @@ pub fn cases(stage: Option<&str>) -> Result<Vec<Case>, Diagnostic> {
         ("octaves ground", &six, "Still(eye: (1300, 1500, 0), yaw_deg: 30, pitch_deg: -20, clearance_m: 2)"),
         ("octaves far", &six, "Still(eye: (-40000, -30000, 9000), look_at: (1300, 1500, 500))"),
         ("octaves under", &six, "Still(eye: (1300, 1500, -500), yaw_deg: 10, pitch_deg: 30)"),
+        ("octaves down", &six, "Still(eye: (1300, 1500, 0), pitch_deg: -90, clearance_m: 30)"),
+        ("octaves smallest", &smallest, "Still(eye: (200, 200, 0), yaw_deg: 30, pitch_deg: -40, clearance_m: 20)"),
         ("octaves thirty", &thirty, "Still(eye: (1300, 1500, 0), yaw_deg: 30, pitch_deg: -30, clearance_m: 0.5)"),
     ]);
     let of_terrains = terrains.into_iter().map(|(name, terrain)| (name, terrain, orbit));

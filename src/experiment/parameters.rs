@@ -97,8 +97,9 @@ pub fn check_ranges(values: &Value, schema: &Schema, node: &Node) -> Result<(), 
             let written = node.field(name).unwrap_or(node);
             let each = if numbers.len() > 1 { " each" } else { "" };
             let expected = limits.text().unwrap_or_else(|| "a finite number".into());
-            let described = node.name().unwrap_or("this");
-            return Err(Diagnostic::input(format!("`{described}` cannot have `{name}: {}`", written.canonical()))
+            // what has no name of its own is a part of the scene
+            let described = node.name().map_or("a scene".into(), |name| format!("`{name}`"));
+            return Err(Diagnostic::input(format!("{described} cannot have `{name}: {}`", written.canonical()))
                 .at(&written.origin, format!("expected {expected}{each}")));
         }
     }

@@ -79,7 +79,7 @@ pub struct Detail {
     #[schemars(range(min = 0, max = 30))]
     pub octaves: u32,
     /// The most that the first octave adds or takes, in metres. Default: 1.
-    #[schemars(extend("minimum" = 0))]
+    #[schemars(extend("minimum" = 0, "maximum" = 1000000))]
     pub amplitude_m: f64,
     /// Amplitude ratio of neighbouring octaves. Default: 0.5, every octave is as steep as the one before.
     #[schemars(extend("minimum" = 0, "maximum" = 1))]
@@ -88,6 +88,7 @@ pub struct Detail {
     pub seed: u32,
     /// Where the first sample (north-west) is in the octaves, in whole cells to the east and to the south. Default: (0, 0). A part of a
     /// larger terrain has the octaves of the whole with the place it was cut from.
+    #[schemars(extend("minimum" = -1000000000, "maximum" = 1000000000))]
     pub origin: (i32, i32),
 }
 

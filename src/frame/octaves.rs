@@ -52,8 +52,8 @@ pub const BLOCK: Block = Block {
     },
 };
 
-/// More than f32 takes from any sum of amplitudes.
-const WIDER: f64 = 1.0 + 1e-5;
+/// More than f32 takes from any sum of amplitudes, or from what is left of it.
+const WIDER: f64 = 1.0 + 4e-6;
 
 /// How near to the surface a ray has to come to have met it, in pixels: a fifth of what the ground truth is good to.
 const NEAR_PX: f64 = 0.002;

@@ -1,7 +1,7 @@
 //! A ground with octaves over the surface of another one (Dachsbacher, Stamminger 2004, section 4.1).
 
-use std::sync::OnceLock;
 use std::sync::Arc;
+use std::sync::OnceLock;
 
 use glam::{DVec2, DVec3, UVec2};
 
@@ -101,12 +101,13 @@ impl Detailed {
         places.windows(2).filter_map(stretch).collect()
     }
 
-    /// Where a ray that comes from `side` is at most a gap over the surface for the first time; all that is before is farther away.
+    /// Where a ray that comes from `side` is for the first time at most a gap over the surface.
     pub fn first_within(&self, ray: &Ray, side: f64, gap: Gap) -> Option<f64> {
         let nodes = self.nodes.get_or_init(|| Nodes::new(self.base.as_ref()));
         let far = self.stay(ray)?.1;
         let beyond_m = self.octaves.most_m() + gap.m.abs() + gap.of_way.abs() * far.min(1e12);
-        let in_part = |part| self.stretches(ray, part, side).iter().find_map(|stretch| self.march(ray, stretch, side, gap));
+        let in_part =
+            |part| self.stretches(ray, part, side).iter().find_map(|stretch| self.march(ray, stretch, side, gap));
         nodes.first_in(self, ray, (side, beyond_m), &in_part)
     }
 
@@ -124,7 +125,7 @@ impl Detailed {
             if left_m.is_some_and(|left_m| left_m <= 0.5 * MET * t) {
                 return Some(t);
             }
-            t = (t + step).max(t * (1.0 + f64::EPSILON));
+            t = (t + step).max(t * (1.0 + f64::EPSILON)).max(f64::EPSILON);
             if t >= end {
                 return None;
             }
@@ -145,8 +146,8 @@ impl Detailed {
         t
     }
 
-    /// How far a ray can go before the octaves can meet it, and how far it is over all of them, if all had to be asked. It is `over_m`
-    /// over the surface without them, and falls as fast.
+    /// How far a ray can go before it can meet the octaves; and, if all that matter were asked, how far it is over them here. Over the surface
+    /// without them it is `over_m`, and that falls as fast as is said.
     fn step(&self, ray: &Ray, t: f64, (over_m, falls): (f64, f64), side: f64, enough: f64) -> (f64, Option<f64>) {
         let lattice = self.lattice();
         let direction = lattice.cells_from_world(ray.direction.truncate());
@@ -238,7 +239,7 @@ impl Ground for Detailed {
         cast::among(self.range_m(), ray, part)
     }
 
-    /// Those of the ground, and the quarters of each octave's waves.
+    /// Those of the ground, and even steps between them, four or more to a wave of the finest octave; at most a million.
     fn bends(&self, ray: &Ray, from: f64, to: f64) -> Vec<f64> {
         let mut bends = self.base.bends(ray, from, to);
         let along = self.lattice().cells_from_world(ray.direction.truncate()).length();

@@ -21,8 +21,11 @@ pub struct Place {
 impl Place {
     /// The place of sample coordinates; `origin` is the first sample.
     pub fn new(sample: DVec2, origin: I64Vec2) -> Self {
+        // what is a hair's breadth below a whole number is one in f64
         let cell = sample.floor();
-        Self { cell: cell.as_i64vec2() + origin, fraction: sample - cell }
+        let next = (sample - cell).cmpge(DVec2::ONE);
+        let cell = cell + DVec2::new(f64::from(next.x), f64::from(next.y));
+        Self { cell: cell.as_i64vec2() + origin, fraction: (sample - cell).max(DVec2::ZERO) }
     }
 }
 
@@ -59,9 +62,9 @@ const WAVE: f64 = 6.2625;
 /// No octave is steeper than its amplitude times this, for each side of a cell of its lattice: a wave goes up and down twice there, and
 /// between two nodes one wave fades into another.
 pub const STEEPEST: f64 = 2.0 * WAVE + FADING;
-/// Nor is its slope anywhere faster to change than the amplitude times this: by the waves' own curvature, which is at most that of a sine,
-/// by how two waves fade while they rise, and by how fading itself changes.
-pub const MOST_CURVED: f64 = 4.0 * 39.6 + 2.0 * FADING * 2.0 * WAVE + 2.0 * 5.774 + 4.0 * 1.875 * 1.875;
+/// Nor is its slope anywhere faster to change than the amplitude times this: by the waves' own curvature, which is a little more than that of a
+/// sine (39.64), by how two waves fade while they rise, and by how fading itself changes.
+pub const MOST_CURVED: f64 = 4.0 * 39.64 + 2.0 * FADING * 2.0 * WAVE + 2.0 * 5.774 + 4.0 * 1.875 * 1.875;
 /// How fast the weights of four nodes change at most, all together.
 const FADING: f64 = 2.0 * 1.875 * std::f64::consts::SQRT_2;
 
@@ -317,8 +320,9 @@ mod tests {
     /// The slope is the height's own, over the lines of the lattice, too, and far from the origin.
     #[test]
     fn slopes_are_those_of_the_heights() {
-        let octaves = octaves(6);
         for i in 0..400 {
+            let origin = [0, 10_000_000, -999_999_999][i as usize % 3];
+            let octaves = Octaves { origin: I64Vec2::new(origin, -origin), ..octaves(6) };
             let at = DVec2::new(f64::from(i) * 0.37, f64::from(i % 20) * 0.5);
             let height = |by: DVec2| octaves.all_m(&octaves.place(at + by));
             let off = 1e-5;
@@ -329,6 +333,19 @@ mod tests {
             let slope = octaves.weighted(&octaves.place(at), |_| 1.0).1;
             assert!((seen - slope).length() < 1e-5 * octaves.steepest(), "{at}: {seen} {slope}");
         }
+    }
+
+    /// The kernel's constants are not below those that are proven here.
+    #[test]
+    fn kernels_have_the_same_bounds() {
+        let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/kernels/lib/waves.wgsl"));
+        let constant = |name: &str| -> f64 {
+            let line = text.lines().find(|line| line.starts_with(&format!("const {name}: f32 = "))).unwrap();
+            line.split([' ', ';']).nth(4).unwrap().parse().unwrap()
+        };
+        assert_eq!(constant("OCTAVE_WAVE"), WAVE);
+        assert!((STEEPEST..1.01 * STEEPEST).contains(&constant("OCTAVE_STEEPEST")));
+        assert!((MOST_CURVED..1.01 * MOST_CURVED).contains(&constant("OCTAVE_CURVED")));
     }
 
     /// Whole cells further, with the origin as far back, there is the same.

@@ -38,7 +38,10 @@ impl Chain<'_> {
         match self.octaves() {
             None => Ok(()),
             Some(octaves) => Err(self
-                .refusal(&format!("{relies}, and the scene's octaves add up to {:.4} m between samples", octaves.most_m()))
+                .refusal(&format!(
+                    "{relies}, and the scene's octaves add up to {:.4} m between samples",
+                    octaves.most_m()
+                ))
                 .help("take `detail` out of the scene, or set `scene.detail.octaves` to 0")),
         }
     }

@@ -80,7 +80,7 @@ pub struct Drawn<B> {
 /// Which octaves the mesh holds at each pixel of what was drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshLevel<B> {
-    /// The pyramid level of the mesh, less its split octave; 0 where there is none.
+    /// The pyramid level of the mesh, or, where it holds octaves, its split octave with a minus.
     pub level: B,
     /// What was drawn.
     pub distance: B,
@@ -189,7 +189,8 @@ impl<B> Default for Products<B> {
         Self {
             meshes: Vec::new(),
             drawn: Vec::new(),
-            pictures: Vec::new(), mesh_levels: Vec::new(),
+            pictures: Vec::new(),
+            mesh_levels: Vec::new(),
             listings: Vec::new(),
             blocks: Vec::new(),
             node_ranges: Vec::new(),

@@ -124,6 +124,13 @@ impl Scenes {
         let samples = || -> Arc<dyn Ground> { Arc::new(Samples::new(terrain.clone(), surface)) };
         let mut ground = known(&mut self.grounds, format!("{surface:?} {key}"), || Ok(samples()))?;
         if let Some(octaves) = Octaves::new(&cell.scene.detail) {
+            let steepest = octaves.steepest() / ground.lattice().cell_m.min_element();
+            if steepest > STEEPEST_OCTAVES {
+                let message = format!("these octaves can rise by up to {steepest:.1e} m in a metre");
+                return Err(Diagnostic::input(message)
+                    .at(&part("detail").head(), format!("no ground has more than {STEEPEST_OCTAVES} m in a metre"))
+                    .help("less `amplitude_m`, less `persistence`, or fewer octaves"));
+            }
             let detailed = || -> Arc<dyn Ground> { Arc::new(Detailed::new(ground.clone(), octaves)) };
             let key = format!("{:?} {surface:?} {key}", cell.scene.detail);
             ground = known(&mut self.grounds, key, || Ok(detailed()))?;
@@ -143,6 +150,9 @@ impl Scenes {
         Ok(data)
     }
 }
+
+/// Octaves that are steeper are no ground, and a ray along them would never end.
+const STEEPEST_OCTAVES: f64 = 1000.0;
 
 /// What is known by a key, made if it is not known.
 fn known<T: Clone>(

@@ -22,8 +22,16 @@ pub fn octaves_off_m(octaves: &Octaves, weight: &dyn Fn(u32) -> f64, off_cells: 
 }
 
 /// Up to which octave a mesh holds the detail where the farthest neighbour is so many cells away; half of `kernels/lib/heights.wgsl`.
-fn split_octave(octaves: &Octaves, bias: f64, extent: f64) -> f64 {
-    (-extent.max(1e-12).log2() - bias).clamp(0.0, f64::from(octaves.count() + 1))
+fn split_octave(seen: u32, bias: f64, extent: f64) -> f64 {
+    (-extent.max(1e-12).log2() - bias).clamp(0.0, f64::from(seen + 1))
+}
+
+/// The level of a vertex, with its bound: that of the pyramid, or the split octave with a minus where it has octaves.
+pub fn level((level, off_level): (f64, f64), (split, off_split): (f64, f64)) -> (f64, f64) {
+    match split > 0.0 {
+        true => (-split, off_split + if split <= off_split { level + off_level } else { 0.0 }),
+        false => (level, off_level + if off_split > 0.0 { level + off_split } else { 0.0 }),
+    }
 }
 
 /// How much of octave k is in a mesh.
@@ -43,15 +51,14 @@ pub fn in_mesh(
     let octaves = detail.octaves();
     let seen = for_meshes(detail, frame.camera);
     let sample = sample.clamp(DVec2::ZERO, frame.lattice().last().as_dvec2());
-    let split = split_octave(octaves, bias, extent);
+    let split = split_octave(seen, bias, extent);
     // Vulkan allows log2 an absolute error of 2^-21 near 1 and 3 ulp elsewhere
-    let off_split = 5e-7 + 16.0 * EPSILON * (split + bias);
-    let least = split_octave(octaves, bias, extent + off_extent) - off_split;
-    let most = split_octave(octaves, bias, (extent - off_extent).max(0.0)) + off_split;
-    let part = |split: f64, k: u32| if k <= seen { weight(split, k) } else { 0.0 };
-    let (height_m, _) = octaves.weighted(&octaves.place(sample), |k| part(split, k));
-    let off_weight = |(k, octave): (u32, &Octave)| (part(most, k) - part(least, k)) * octave.amplitude_m;
+    let off_log = 5e-7 + 16.0 * EPSILON * (split + bias);
+    let least = split_octave(seen, bias + off_log, extent + off_extent);
+    let most = split_octave(seen, bias - off_log, (extent - off_extent).max(0.0));
+    let (height_m, _) = octaves.weighted(&octaves.place(sample), |k| weight(split, k));
+    let off_weight = |(k, octave): (u32, &Octave)| (weight(most, k) - weight(least, k)) * octave.amplitude_m;
     let off_weights: f64 = octaves.each().map(off_weight).sum();
-    let off_m = octaves_off_m(octaves, &|k| part(most, k), off_cells) + off_weights;
+    let off_m = octaves_off_m(octaves, &|k| weight(most, k), off_cells) + off_weights;
     [(height_m, off_m), (split, most - least)]
 }

@@ -39,7 +39,7 @@ pub struct Project {
     /// coarsest level sampled; None is up to a single node
     max_level: Option<u32>,
     /// octaves of the scene's detail that the mesh has less than the distance of its vertices allows, against swimming
-    #[schemars(extend("minimum" = 0))]
+    #[schemars(range(min = 0, max = 64))]
     bias: f64,
 }
 
@@ -60,7 +60,7 @@ impl Stage for Project {
             Elem::Vec4F32,
             &[rows, columns],
             "m",
-            "x east, y north, z up from the eye; w: pyramid level, less the split octave",
+            "x east, y north, z up from the eye; w: pyramid level, or minus the split octave",
         );
         chain.set_spread(vertices, Spread::GridPoints);
         let kernel = chain.kernel("grids/project.wgsl")?;

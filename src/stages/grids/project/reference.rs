@@ -5,7 +5,7 @@ use crate::frame::projector::Projector;
 use crate::plan::product::{Grid, Mesh};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::heights::Heights;
-use crate::stages::shared::octaves::in_mesh;
+use crate::stages::shared::octaves::{self, in_mesh};
 use crate::stages::shared::projected::ground_off_m;
 
 impl Reference for Project {
@@ -61,8 +61,8 @@ impl Project {
         let sample = lattice.sample_from_world(here + eye_m.truncate());
         let [(height_m, off_height), level] = heights.at(sample, off_m, extent);
         let off_cells = off_m / lattice.cell_m.min_element();
-        let [octaves, split] = in_mesh(frame, self.bias, (sample, off_cells), extent);
-        let height = (height_m + octaves.0 - eye_m.z, off_height + octaves.1);
-        [(here.x, off_m), (here.y, off_m), height, (level.0 - split.0, level.1 + split.1)]
+        let [added, split] = in_mesh(frame, self.bias, (sample, off_cells), extent);
+        let height = (height_m + added.0 - eye_m.z, off_height + added.1);
+        [(here.x, off_m), (here.y, off_m), height, octaves::level(level, split)]
     }
 }

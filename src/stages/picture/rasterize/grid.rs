@@ -21,15 +21,19 @@ pub(super) fn plan(chain: &mut Chain, grid: Grid<BufferId>) -> Result<Drawn<Buff
     let carries_level = grid.promise.is_none() && chain.octaves().is_some();
     let (elem, meaning) = match (grid.promise, carries_level) {
         (None, false) => (Elem::U32, "distance of the nearest triangle as the bits of an f32; 0 is none"),
-        (None, true) => (Elem::Vec2U32, "distance of the nearest triangle and its level, as the bits of f32; 0 is none"),
-        (Some(_), _) => (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none"),
+        (None, true) => {
+            (Elem::Vec2U32, "distance of the nearest triangle and its level, as the bits of f32; 0 is none")
+        }
+        (Some(_), _) => {
+            (Elem::Vec2U32, "distance of the nearest triangle and its error, as the bits of f32; 0 is none")
+        }
     };
     let drawn = chain.make_target("drawn", elem, meaning);
     let distance = make_distance(chain);
     let (columns, rows) = chain.data.scene.viewport;
     let meaning = "normalised error of what is drawn; 0 is within the threshold";
     let error = grid.promise.map(|_| chain.make_over("error", Elem::F32, Spread::Pixels, "", meaning));
-    let meaning = "pyramid level of the mesh, less its split octave; 0 where nothing is drawn";
+    let meaning = "pyramid level of the mesh, or minus its split octave; 0 where nothing is drawn";
     let level = carries_level.then(|| chain.make_over("mesh_level", Elem::F32, Spread::Pixels, "", meaning));
     let carried = error.or(level);
     let (fragment, resolve) = if carried.is_some() { ("keep_carried", "resolve_carried") } else { ("keep", "resolve") };

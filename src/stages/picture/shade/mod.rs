@@ -9,7 +9,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::experiment::scene;
 use crate::kernel::{Elem, Packing};
-use crate::plan::product::{Drawn, MeshLevel, Picture, what};
+use crate::plan::product::{Drawn, Mesh, MeshLevel, Picture, what};
 use crate::plan::{BufferId, Chain, Spread};
 use crate::scene::COLOUR_MAP;
 use crate::stages::{Example, Info, Stage, read_as};
@@ -30,8 +30,10 @@ pub const INFO: Info = Info {
         Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade]")
             .in_benches(&[("ViewGrid.size", "(512, 384)")]),
         Example::new("[HeightPyramid, RayCast, Shade(turbulence: Pixel)]"),
-        Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade(turbulence: Texture, octaves: Mesh)]")
-            .in_benches(&[("ViewGrid.size", "(512, 384)")]),
+        Example::new(
+            "[HeightPyramid, ViewGrid(size: (23, 17)), Project, Rasterize, Shade(turbulence: Texture, octaves: Mesh)]",
+        )
+        .in_benches(&[("ViewGrid.size", "(512, 384)")]),
     ],
     ..Info::EMPTY
 };
@@ -50,7 +52,7 @@ pub struct Shade {
     /// how borders in the map of colours are washed out, by turbulence that moves the places where it is looked up
     turbulence: Turbulence,
     /// how far turbulence moves a place at most, in cells
-    #[schemars(extend("minimum" = 0))]
+    #[schemars(range(min = 0, max = 10000))]
     turbulence_cells: f64,
 }
 
@@ -72,7 +74,7 @@ enum Light {
     /// all with waves of two pixels and more
     #[default]
     Pixels,
-    /// those that the mesh holds; of what has no mesh, as `Pixels`
+    /// those that the mesh holds; of rays, as `Pixels`
     Mesh,
     /// none
     None,
@@ -80,11 +82,27 @@ enum Light {
 
 impl Default for Shade {
     fn default() -> Self {
-        Self { map: true, tint: true, sun: true, octaves: Light::default(), turbulence: Turbulence::default(), turbulence_cells: 2.0 }
+        Self {
+            map: true,
+            tint: true,
+            sun: true,
+            octaves: Light::default(),
+            turbulence: Turbulence::default(),
+            turbulence_cells: 2.0,
+        }
     }
 }
 
 impl Shade {
+    /// Octaves can turn the normal; a mesh of samples holds none.
+    fn is_lit(&self, is_of_samples: bool) -> bool {
+        match self.octaves {
+            Light::Pixels => true,
+            Light::Mesh => !is_of_samples,
+            Light::None => false,
+        }
+    }
+
     /// Ambient light alone does not ask where the sun is.
     fn needs_sun(&self, light: &scene::Light) -> bool {
         self.sun && light.ambient < 1.0
@@ -99,7 +117,7 @@ fn sun_direction(light: &scene::Light) -> DVec3 {
 impl Stage for Shade {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (width_px, height_px) = chain.data.scene.viewport;
-        let Drawn { distance, .. } = chain.latest()?;
+        let Drawn { distance, mesh, .. } = chain.latest()?;
         let light = chain.data.scene.light;
         let pixels = u64::from(width_px) * u64::from(height_px);
         if !self.needs_sun(&light) {
@@ -111,11 +129,23 @@ impl Stage for Shade {
         }
         let level = chain.products().find(|level: &MeshLevel<BufferId>| level.distance == distance);
         let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| level.level);
-        let is_lit = self.octaves != Light::None && chain.octaves().is_some();
+        let is_lit = self.is_lit(matches!(mesh, Some(Mesh::List(_)))) && chain.octaves().is_some();
+        if chain.octaves().is_some() && !(is_lit && self.needs_sun(&light)) {
+            let reason = match self.octaves {
+                _ if !self.needs_sun(&light) => "nothing is lit by the sun",
+                Light::None => "`octaves: None`",
+                _ => "the mesh is of samples, and holds none",
+            };
+            chain.leave_out("octaves in the normals", reason, 0, 0);
+        }
         let map = chain.input(COLOUR_MAP).filter(|_| self.map);
         let is_turbulent = self.turbulence != Turbulence::None && self.turbulence_cells > 0.0 && map.is_some();
         if self.turbulence != Turbulence::None && !is_turbulent {
-            let reason = if map.is_none() { "there is no map of colours whose borders it could wash out" } else { "it moves nothing" };
+            let reason = if map.is_none() {
+                "there is no map of colours whose borders it could wash out"
+            } else {
+                "it moves nothing"
+            };
             chain.leave_out("turbulence", reason, 0, 0);
         }
         let texture = match is_turbulent && self.turbulence == Turbulence::Texture {

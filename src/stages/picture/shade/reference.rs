@@ -5,7 +5,7 @@ use super::{Light, Shade, Turbulence, sun_direction};
 use crate::frame::octaves::{for_light, octave_of_pixels};
 use crate::frame::relief::height_range_m;
 use crate::ground::octaves::{Octaves, Place};
-use crate::plan::product::{Drawn, MeshLevel, Picture};
+use crate::plan::product::{Drawn, Mesh, MeshLevel, Picture};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::scene::COLOUR_MAP;
 use crate::stages::shared::rounding::EPSILON;
@@ -22,6 +22,7 @@ impl Reference for Shade {
         });
         let turbulent = texture.as_deref().map_or(Turbulent::ByPixel, Turbulent::ByTexture);
         let distance = buffers.values(drawn.distance);
+        let by_octaves = self.is_lit(matches!(drawn.mesh, Some(Mesh::List(_))));
         let level = buffers.products().find(|level: &MeshLevel<_>| level.distance == drawn.distance);
         let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| buffers.values(level.level));
         let (width_px, height_px) = frame.camera.viewport;
@@ -40,13 +41,14 @@ impl Reference for Shade {
                             None => (of_pixels, 1e-6),
                         };
                         let turbulent = is_turbulent.then_some((&turbulent, of_pixels));
-                        self.ground(&Lit { frame, map, split, turbulent }, ray, t, distance.bound[at])
+                        self.ground(&Lit { frame, map, by_octaves, split, turbulent }, ray, t, distance.bound[at])
                     }
                 };
                 for channel in 0..4 {
                     let (value, off) = if channel < 3 { (here[channel], spread[channel]) } else { (1.0, 0.0) };
                     // rounding to 8 bits may fall either way
-                    let is_open = distance.bound[at].is_infinite() || level.as_ref().is_some_and(|level| level.bound[at].is_infinite());
+                    let is_open = distance.bound[at].is_infinite()
+                        || level.as_ref().is_some_and(|level| level.bound[at].is_infinite());
                     let bound = if is_open { f64::INFINITY } else { 1.0 + 255.0 * off };
                     colour.set(4 * at + channel, (value.clamp(0.0, 1.0) * 255.0).round(), bound);
                 }
@@ -62,6 +64,8 @@ impl Reference for Shade {
 struct Lit<'a> {
     frame: &'a Frame<'a>,
     map: Option<&'a Values>,
+    /// Octaves turn the normal.
+    by_octaves: bool,
     /// The octaves below it turn the normal; how far rounding may move it.
     split: (f64, f64),
     /// What moves places in the map, and the octave with waves of two pixels.
@@ -92,7 +96,7 @@ impl Shade {
     /// Slope of the octaves at a place, in metres a cell.
     fn octaves_slope(&self, lit: &Lit, position_m: DVec2) -> DVec2 {
         match lit.frame.ground.detail() {
-            Some(detail) if self.octaves != Light::None => {
+            Some(detail) if lit.by_octaves => {
                 let (octaves, seen) = (detail.octaves(), for_light(detail, lit.frame.camera));
                 let place = octaves.place(lit.frame.lattice().sample_from_world(position_m));
                 octaves.weighted(&place, |k| lit.weight(k, seen)).1
@@ -117,10 +121,9 @@ impl Shade {
                 self.turbulence_cells * cell * (turbulent.off() + 300.0 * EPSILON + 2.0 * off_split)
             });
         let around = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().flat_map(|axis| [axis * off, -axis * off]);
-        let spread =
-            around.map(|by| (self.colour(lit, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
+        let spread = around.map(|by| (self.colour(lit, ray * t + by) - here).abs()).fold(DVec3::ZERO, DVec3::max);
         let of_octaves = match frame.ground.detail() {
-            Some(detail) if self.octaves != Light::None => {
+            Some(detail) if lit.by_octaves => {
                 // the distance is what the size of a pixel hangs on, too
                 let off_split = lit.split.1 + 2.0 * bound / t.max(1e-9);
                 let off = 300.0 * EPSILON + off_split.min(1.0);

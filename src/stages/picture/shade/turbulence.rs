@@ -48,7 +48,8 @@ pub fn texture() -> Values {
     for level in 0..LEVELS {
         let side = TEXELS >> level;
         for at in 0..side * side {
-            let cells = (DVec2::new((at % side).into(), (at / side).into()) + 0.5) * f64::from(PERIOD) / f64::from(side);
+            let cells =
+                (DVec2::new((at % side).into(), (at / side).into()) + 0.5) * f64::from(PERIOD) / f64::from(side);
             let place = Place::new(cells, I64Vec2::ZERO);
             let moved = turbulence(&place, f64::from(LEVELS - level) + 1.0, LEVELS, PERIOD);
             let bytes = (0.5 + 0.5 * moved) * 255.0;

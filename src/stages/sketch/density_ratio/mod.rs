@@ -35,7 +35,8 @@ impl Stage for DensityRatio {
         let Demand { importance, places, vertex } = chain.latest::<Demand<BufferId>>()?;
         let size = chain.grid_size(places, Elem::Vec2F32)?;
         let texels = chain.buffer(importance).dims[0];
-        let meaning = "obtained over demanded density of grid points: along rows, down columns; a common factor is free";
+        let meaning =
+            "obtained over demanded density of grid points: along rows, down columns; a common factor is free";
         let ratio = chain.make("density_ratio", Elem::Vec2F32, &[size.y - 1, size.x - 1], "", meaning);
         chain.set_spread(ratio, Spread::GridCells);
         let kernel = chain.kernel("sketch/density_ratio.wgsl")?;

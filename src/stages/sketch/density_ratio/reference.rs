@@ -18,7 +18,9 @@ impl Reference for DensityRatio {
         for (y, x) in (0..cells.y).flat_map(|y| (0..cells.x).map(move |x| (y, x))) {
             let corners = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| (y * columns + x) as usize);
             let [nw, ne, sw, se] = corners.map(|at| DVec2::new(vertex.value[4 * at], vertex.value[4 * at + 1]));
-            let middle = corners.map(|at| DVec2::new(places.value[2 * at], places.value[2 * at + 1])).iter().sum::<DVec2>() / 4.0;
+            let middle =
+                corners.map(|at| DVec2::new(places.value[2 * at], places.value[2 * at + 1])).iter().sum::<DVec2>()
+                    / 4.0;
             let off_places = corners.map(|at| places.bound[2 * at].max(places.bound[2 * at + 1]));
             let (wanted, off_wanted) = wanted_at(&importance, middle, most(off_places) + 4.0 * EPSILON);
             // two differences of places, their sum, and what they are off by themselves
@@ -32,7 +34,9 @@ impl Reference for DensityRatio {
                 let off = off_side * (wanted + off_wanted) + length * off_wanted + 8.0 * EPSILON * points;
                 match (points + off < LEAST, points - off > LEAST) {
                     (true, _) => ratios.set(at, 1.0 / LEAST, 8.0 * EPSILON / LEAST),
-                    (_, true) => ratios.set(at, 1.0 / points, 1.0 / (points - off) - 1.0 / points + 8.0 * EPSILON / points),
+                    (_, true) => {
+                        ratios.set(at, 1.0 / points, 1.0 / (points - off) - 1.0 / points + 8.0 * EPSILON / points)
+                    }
                     // what is next to nothing can be anything
                     _ => ratios.set(at, 1.0 / LEAST, f64::INFINITY),
                 }
@@ -61,7 +65,8 @@ fn wanted_at(importance: &Values, place: DVec2, off_place: f64) -> (f64, f64) {
     let between = |a: f64, b: f64, w: f64| a + (b - a) * w;
     let value = between(between(four[0].0, four[1].0, w.x), between(four[2].0, four[3].0, w.x), w.y);
     // within what the place is off, texels beside these four can be met
-    let beside = (low.y.saturating_sub(1)..=(low.y + 2).min(last)).flat_map(|y| (low.x.saturating_sub(1)..=(low.x + 2).min(last)).map(move |x| (x, y)));
+    let beside = (low.y.saturating_sub(1)..=(low.y + 2).min(last))
+        .flat_map(|y| (low.x.saturating_sub(1)..=(low.x + 2).min(last)).map(move |x| (x, y)));
     let around = beside.map(|(x, y)| importance.value[(y * (last + 1) + x) as usize]);
     let (least, largest) = around.fold((f64::MAX, 0.0f64), |(least, most), value| (least.min(value), most.max(value)));
     let off = off_place * f64::from(importance.dims[0]);

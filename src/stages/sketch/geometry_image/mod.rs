@@ -45,7 +45,7 @@ pub struct GeometryImage {
     /// coarsest level of the atlas that is sampled; None is up to a single node
     max_level: Option<u32>,
     /// octaves of the scene's detail that the mesh has less than the distance of its vertices allows, against swimming
-    #[schemars(extend("minimum" = 0))]
+    #[schemars(range(min = 0, max = 64))]
     bias: f64,
 }
 
@@ -79,7 +79,7 @@ impl Stage for GeometryImage {
             }
             Source::SketchMap => None,
         };
-        let meaning = "x east, y north, z up from the eye; w: pyramid level, less the split octave";
+        let meaning = "x east, y north, z up from the eye; w: pyramid level, or minus the split octave";
         let vertices = chain.make("vertex", Elem::Vec4F32, &[size.y, size.x], "m", meaning);
         chain.set_spread(vertices, Spread::GridPoints);
         let kernel = chain.kernel("sketch/geometry_image.wgsl")?;

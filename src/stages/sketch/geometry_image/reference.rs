@@ -4,7 +4,7 @@ use super::{GeometryImage, Source};
 use crate::plan::product::{Demand, Grid, Mesh, Wanted};
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::heights::Heights;
-use crate::stages::shared::octaves::in_mesh;
+use crate::stages::shared::octaves::{self, in_mesh};
 use crate::stages::shared::rounding::EPSILON;
 
 impl Reference for GeometryImage {
@@ -86,10 +86,10 @@ impl Image<'_> {
                 [sketch_at(map, place, off_place), (self.level, 0.0)]
             }
         };
-        let [octaves, split] = in_mesh(frame, self.bias, (sample, off_cells), extent);
-        let above_m = height_m + octaves.0 - eye_m.z;
-        let off_z = off_height + octaves.1 + 4.0 * EPSILON * above_m.abs();
-        [(here.x, off_m), (here.y, off_m), (above_m, off_z), (level.0 - split.0, level.1 + split.1)]
+        let [added, split] = in_mesh(frame, self.bias, (sample, off_cells), extent);
+        let above_m = height_m + added.0 - eye_m.z;
+        let off_z = off_height + added.1 + 4.0 * EPSILON * above_m.abs();
+        [(here.x, off_m), (here.y, off_m), (above_m, off_z), octaves::level(level, split)]
     }
 
     /// How far the farthest neighbour is away, in cells, and the bound of that.
