@@ -63,7 +63,7 @@ impl Triangles {
         });
         let spread =
             carried.iter().copied().fold(f64::MIN, f64::max) - carried.iter().copied().fold(f64::MAX, f64::min);
-        let off = 2.0 * (aside[0] + aside[1]) + 2e-4 * spread + 1e-6;
+        let off = 2.0 * (aside[0] + aside[1]) + 2e-4 * spread + 1e-6 + self.carried_off[number];
         (hit.distance, (at(point), if off.is_finite() { off } else { f64::INFINITY }))
     }
 

@@ -18,6 +18,8 @@ pub(super) struct Triangles {
     pub(super) bounds_m: Vec<f64>,
     /// What the corners carry: their errors, or how far they were raised.
     pub(super) carried: Vec<[f64; 3]>,
+    /// How far off that is.
+    pub(super) carried_off: Vec<f64>,
     /// Lowest and highest of surface minus the plane that was raised; empty for a mesh that is not proven.
     pub(super) found_m: Vec<(f64, f64)>,
     /// Nothing nearer is drawn.
@@ -56,12 +58,13 @@ impl Triangles {
         let off =
             |corners: &[DVec3; 3]| 4.0 * EPSILON * corners.iter().map(|corner| corner.length()).fold(0.0, f64::max);
         let bounds_m = triangles.iter().map(off).collect();
-        let carried = vec![[0.0; 3]; triangles.len()];
+        let (carried, carried_off) = (vec![[0.0; 3]; triangles.len()], vec![0.0; triangles.len()]);
         let is_open = count.bound[0].is_infinite();
         Self {
             triangles,
             bounds_m,
             carried,
+            carried_off,
             found_m: Vec::new(),
             near_m: list::NEAR_M.into(),
             is_cut: false,
@@ -75,13 +78,15 @@ impl Triangles {
         let at = |x: u32, y: u32| 4 * (y * columns + x) as usize;
         let point = |x, y| DVec3::from_slice(&vertices.value[at(x, y)..]);
         let bound = |x, y| vertices.bound[at(x, y)..at(x, y) + 3].iter().copied().fold(0.0, f64::max);
-        let (mut triangles, mut bounds_m, mut carried) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut triangles, mut bounds_m, mut carried, mut carried_off) =
+            (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         for y in 0..rows - 1 {
             for x in 0..columns - 1 {
                 for corners in [[(x, y), (x, y + 1), (x + 1, y)], [(x + 1, y), (x, y + 1), (x + 1, y + 1)]] {
                     triangles.push(corners.map(|(x, y)| point(x, y)));
                     bounds_m.push(corners.iter().map(|&(x, y)| bound(x, y)).fold(0.0, f64::max));
                     carried.push(corners.map(|(x, y)| vertices.value[at(x, y) + 3]));
+                    carried_off.push(corners.iter().map(|&(x, y)| vertices.bound[at(x, y) + 3]).fold(0.0, f64::max));
                 }
             }
         }
@@ -91,6 +96,7 @@ impl Triangles {
             triangles,
             bounds_m,
             carried,
+            carried_off,
             found_m,
             near_m: near_m(frame.ground, frame.camera),
             is_cut: true,
