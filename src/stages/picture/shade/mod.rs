@@ -114,50 +114,65 @@ fn sun_direction(light: &scene::Light) -> DVec3 {
     DVec3::new(azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin())
 }
 
-impl Stage for Shade {
-    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+impl Shade {
+    /// Says what a picture does without.
+    fn leave_out(&self, chain: &mut Chain, has: &Has) {
         let (width_px, height_px) = chain.data.scene.viewport;
-        let Drawn { distance, mesh, .. } = chain.latest()?;
-        let light = chain.data.scene.light;
         let pixels = u64::from(width_px) * u64::from(height_px);
-        if !self.needs_sun(&light) {
+        if !has.sun {
             let reason = if self.sun { "the light is all ambient" } else { "`sun: false`" };
             chain.leave_out("normals and sun", reason, 0, pixels);
         }
-        if self.needs_sun(&light) && chain.octaves().is_none() {
-            chain.leave_out("octaves in the normals", "the scene has no detail", 0, 0);
-        }
-        let level = chain.products().find(|level: &MeshLevel<BufferId>| level.distance == distance);
-        let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| level.level);
-        let is_lit = self.is_lit(matches!(mesh, Some(Mesh::List(_)))) && chain.octaves().is_some();
-        if chain.octaves().is_some() && !(is_lit && self.needs_sun(&light)) {
+        if !(has.octaves && has.sun) {
             let reason = match self.octaves {
-                _ if !self.needs_sun(&light) => "nothing is lit by the sun",
+                _ if chain.octaves().is_none() => "the scene has no detail",
+                _ if !has.sun => "nothing is lit by the sun",
                 Light::None => "`octaves: None`",
                 _ => "the mesh is of samples, and holds none",
             };
             chain.leave_out("octaves in the normals", reason, 0, 0);
         }
-        let map = chain.input(COLOUR_MAP).filter(|_| self.map);
-        let is_turbulent = self.turbulence != Turbulence::None && self.turbulence_cells > 0.0 && map.is_some();
-        if self.turbulence != Turbulence::None && !is_turbulent {
-            let reason = if map.is_none() {
-                "there is no map of colours whose borders it could wash out"
-            } else {
-                "it moves nothing"
-            };
-            chain.leave_out("turbulence", reason, 0, 0);
+        if self.turbulence != Turbulence::None && !has.turbulence {
+            let nothing = "there is no map of colours whose borders it could wash out";
+            chain.leave_out("turbulence", if has.map { "it moves nothing" } else { nothing }, 0, 0);
         }
-        let texture = match is_turbulent && self.turbulence == Turbulence::Texture {
+        match (has.map, self.tint) {
+            (true, true) => chain.leave_out("the colour ramp", "the scene has a map of colours", 0, pixels),
+            (_, false) => chain.leave_out("the colour ramp", "`tint: false`", 0, pixels),
+            (false, true) => {}
+        }
+    }
+}
+
+/// What a picture has.
+struct Has {
+    sun: bool,
+    /// They turn the normal.
+    octaves: bool,
+    map: bool,
+    turbulence: bool,
+}
+
+impl Stage for Shade {
+    fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
+        let (width_px, height_px) = chain.data.scene.viewport;
+        let Drawn { distance, mesh, .. } = chain.latest()?;
+        let light = chain.data.scene.light;
+        let level = chain.products().find(|level: &MeshLevel<BufferId>| level.distance == distance);
+        let level = level.filter(|_| self.octaves == Light::Mesh).map(|level| level.level);
+        let map = chain.input(COLOUR_MAP).filter(|_| self.map);
+        let has = Has {
+            sun: self.needs_sun(&light),
+            octaves: self.is_lit(matches!(mesh, Some(Mesh::List(_)))) && chain.octaves().is_some(),
+            map: map.is_some(),
+            turbulence: self.turbulence != Turbulence::None && self.turbulence_cells > 0.0 && map.is_some(),
+        };
+        self.leave_out(chain, &has);
+        let texture = match has.turbulence && self.turbulence == Turbulence::Texture {
             true => Some(turbulence::make_texture(chain)?),
             false => None,
         };
         let map_size = map.map_or([1, 1], |map| [chain.buffer(map).dims[1], chain.buffer(map).dims[0]]);
-        match (map, self.tint) {
-            (Some(_), true) => chain.leave_out("the colour ramp", "the scene has a map of colours", 0, pixels),
-            (_, false) => chain.leave_out("the colour ramp", "`tint: false`", 0, pixels),
-            (None, true) => {}
-        }
         let colour = chain.make_over("colour", Elem::U32, Spread::Pixels, "rgba8", "picture, red in the lowest byte");
         chain.set_packing(colour, Packing::Bytes);
         let kernel = chain.kernel("picture/shade.wgsl")?;
@@ -168,14 +183,14 @@ impl Stage for Shade {
             .bind_or_leave("colour_map", map)
             .bind_or_leave("mesh_level", level)
             .bind_or_leave("turbulence_texture", texture)
-            .constant("TURBULENT", f64::from(is_turbulent))
+            .constant("TURBULENT", f64::from(has.turbulence))
             .constant("BY_TEXTURE", f64::from(texture.is_some()))
             .set("turbulence_cells", self.turbulence_cells as f32)
-            .constant("LIT", f64::from(is_lit))
+            .constant("LIT", f64::from(has.octaves))
             .constant("BY_MESH", f64::from(level.is_some()))
-            .constant("MAP", f64::from(map.is_some()))
-            .constant("TINT", f64::from(self.tint && map.is_none()))
-            .constant("SUN", f64::from(self.needs_sun(&light)))
+            .constant("MAP", f64::from(has.map))
+            .constant("TINT", f64::from(self.tint && !has.map))
+            .constant("SUN", f64::from(has.sun))
             .set("sun", sun_direction(&light).as_vec3().to_array())
             .set("ambient", light.ambient as f32)
             .set("map_size", map_size)
