@@ -36,11 +36,11 @@ impl Sketch {
         let square: Vec<i32> = bytemuck::pod_collect_to_vec(&executor.read(id(setup, "sketch_square"))?);
         let heights_m = bytemuck::pod_collect_to_vec(&executor.read(id(setup, "sketch_height"))?);
         let (lattice, camera) = (setup.prepared.data.ground.lattice(), setup.prepared.data.cameras()[0]);
-        let samples = f64::from(1u32 << square[2]);
-        let first = glam::DVec2::new(square[0].into(), square[1].into()) * samples + 0.5 * (samples - 1.0);
+        let samples = f64::from(1u32 << square[3]);
+        let first = glam::DVec2::new(square[0].into(), square[1].into()) + 0.5 * (samples - 1.0);
         let first_m = lattice.world_from_sample(first) - camera.eye_m.truncate();
         Ok(Self {
-            texels: square[3] as usize,
+            texels: (square[2] >> square[3]) as usize,
             heights_m,
             first_m: first_m.as_vec2(),
             step_m: (samples * lattice.cell_m).as_vec2() * Vec2::new(1.0, -1.0),

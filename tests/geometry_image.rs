@@ -27,11 +27,16 @@ fn every_pitch(eye: DVec3) -> String {
     format!("Flight(frames: 181, clearance_m: 1, keys: [{keys}])")
 }
 
-/// Corner in samples, samples along a texel, texels along the map.
+/// Corner in samples, samples along a texel, texels along the map, of a map of whole nodes.
 fn square(ran: &Ran) -> (IVec2, i32, i32) {
+    let (first, side, level) = square_samples(ran);
+    (first, 1 << level, side >> level)
+}
+
+/// First sample, samples along a side, level.
+fn square_samples(ran: &Ran) -> (IVec2, i32, i32) {
     let numbers: Vec<i32> = ran.read("sketch_square");
-    let side = 1 << numbers[2];
-    (IVec2::new(numbers[0], numbers[1]) * side, side, numbers[3])
+    (IVec2::new(numbers[0], numbers[1]), numbers[2], numbers[3])
 }
 
 /// Two triangles a cell, none of them turned over.
@@ -48,24 +53,35 @@ fn is_unfolded(vertices: &[[f32; 4]], columns: usize) -> bool {
 #[test]
 fn every_pitch_has_a_square_that_holds_what_is_seen() {
     let gpu = Gpu::open(None).unwrap();
-    let chain = "[HeightPyramid, SketchMap(texels: 32), SketchImportance, ViewGrid(size: (33, 33)), Warp(rounds: 2), GeometryImage]";
     // on foot, in the air, in space; over the terrain and beside it
-    for eye in [(3000.0, 2000.0, 0.0), (900.0, 800.0, 2500.0), (3000.0, 2000.0, 1e5), (-9000.0, -4000.0, 1500.0)] {
+    for (eye, blend) in [
+        ((3000.0, 2000.0, 0.0), 0.0),
+        ((3000.0, 2000.0, 0.0), 1.0),
+        ((900.0, 800.0, 2500.0), 0.0),
+        ((900.0, 800.0, 2500.0), 0.3),
+        ((3000.0, 2000.0, 1e5), 0.0),
+        ((-9000.0, -4000.0, 1500.0), 0.0),
+        ((-9000.0, -4000.0, 1500.0), 1.0),
+    ] {
+        let chain = format!(
+            "[HeightPyramid, SketchMap(texels: 32, blend: {blend:?}), SketchImportance, ViewGrid(size: (33, 33)), \
+             Warp(rounds: 2), GeometryImage]"
+        );
         let scene = format!("terrain: {RELIEF}, camera: {}, viewport: (16, 12)", every_pitch(eye.into()));
-        let setup = Setup::chain(&scene, chain, Path::new("."), Keep::Last).unwrap();
+        let setup = Setup::chain(&scene, &chain, Path::new("."), Keep::Last).unwrap();
         let ground = &setup.prepared.data.ground;
-        let frames = Ran::frames(&gpu, &scene, chain);
+        let frames = Ran::frames(&gpu, &scene, &chain);
         assert_eq!(frames.len(), 181);
         for (frame, ran) in frames.iter().enumerate() {
-            let (corner, side, texels) = square(ran);
-            let what = format!("{eye:?}, frame {frame}: {corner} {side}");
-            assert!(side * texels >= 4 && side <= 256, "{what}");
+            let (corner, side, level) = square_samples(ran);
+            let what = format!("{eye:?}, blend {blend}, frame {frame}: {corner} {side}");
+            assert!(side >= 32 && level <= 3, "{what}");
             let vertices: Vec<[f32; 4]> = ran.read("vertex");
             assert!(vertices.iter().flatten().all(|number| number.is_finite()), "{what}");
             assert!(is_unfolded(&vertices, 33), "{what}");
             let camera = &setup.prepared.data.cameras()[frame];
             let low = corner.as_dvec2() - 0.5;
-            let high = low + f64::from(side * texels);
+            let high = low + f64::from(side);
             for (x, y) in (0..=4).flat_map(|y| (0..=4).map(move |x| (4.0 * f64::from(x), 3.0 * f64::from(y)))) {
                 let [right, down, first] = camera.pixel_basis();
                 let ray = Ray { eye_m: camera.eye_m, direction: (first + right * x + down * y).normalize() };
@@ -101,6 +117,43 @@ fn a_node_keeps_its_height_while_the_camera_moves() {
     squares.dedup();
     assert!(squares.len() > 10 && again > 10_000, "{} squares, {again} nodes seen again", squares.len());
     assert!(squares.iter().any(|(_, side)| *side != squares[0].1), "the level never changes");
+}
+
+/// The eye rises step by step, so that more and more is seen: at once, the square doubles; blended, it grows with the view. Either way it
+/// ends up the same as long as there is room.
+#[test]
+fn a_blended_change_of_level_does_not_jump() {
+    let gpu = Gpu::open(None).unwrap();
+    let rise = "Flight(frames: 120, keys: [(eye: (3000, 2300, 1000), look_at: (3000, 2310, 0)), \
+                (eye: (3000, 2300, 3500), look_at: (3000, 2310, 0))])";
+    let scene = format!("terrain: {RELIEF}, camera: {rise}, viewport: (64, 48)");
+    let squares = |blend: f64| {
+        let chain = format!("[HeightPyramid, SketchMap(texels: 32, blend: {blend:?})]");
+        Ran::frames(&gpu, &scene, &chain).iter().map(square_samples).collect::<Vec<_>>()
+    };
+    // the largest growth of a side, and move of a corner, from frame to frame
+    let jump = |squares: &[(IVec2, i32, i32)]| {
+        let of_pair = |pair: &[(IVec2, i32, i32)]| {
+            let (a, b) = (pair[0], pair[1]);
+            let moved = (a.0 - b.0).abs().max_element().max((a.0 + a.1 - b.0 - b.1).abs().max_element());
+            f64::from(moved.max((a.1 - b.1).abs())) / f64::from(a.1)
+        };
+        squares.windows(2).map(of_pair).fold(0.0, f64::max)
+    };
+    let at_once = squares(0.0);
+    let levels: Vec<i32> = at_once.iter().map(|(.., level)| *level).collect();
+    assert!(levels[0] < levels[119], "the level never changes");
+    assert!(jump(&at_once) >= 1.0, "{at_once:?}");
+    for blend in [0.3, 1.0] {
+        let blended = squares(blend);
+        // a texel of 32 this way or that, and what the view grows by, the faster the less there is to blend over
+        assert!(jump(&blended) < 0.12 + 0.08 / blend, "blend {blend}: {}, {blended:?}", jump(&blended));
+        assert!(blended.iter().zip(&levels).all(|(square, level)| square.2 == *level));
+        let is_whole = |square: &(IVec2, i32, i32)| square.1 == 32 << square.2;
+        let same = at_once.iter().zip(&blended).filter(|(a, b)| is_whole(b) && a == b).count();
+        assert_eq!(same, blended.iter().filter(|square| is_whole(square)).count());
+        assert!(blended.iter().any(|square| !is_whole(square)));
+    }
 }
 
 /// Importance that nothing good can be made of.

@@ -60,7 +60,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let square = square();
-    let side = texel_samples(square) * f32(params.texels);
+    let side = f32(square.side);
     let place = place_of_point(id.xy);
     let cells = square_start(params.terrain, square) + place * side;
     var reach = 0.0;

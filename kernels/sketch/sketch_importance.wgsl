@@ -44,17 +44,6 @@ fn height_of(texel: vec2<i32>) -> f32 {
     return sketch_height[at.y * params.texels + at.x];
 }
 
-/// The first and the last of the map's texels that are terrain, by columns and by rows.
-fn first_terrain() -> vec2<i32> {
-    return max(-square().corner, vec2(0));
-}
-
-fn last_terrain() -> vec2<i32> {
-    let square = square();
-    let last = (vec2<i32>(params.terrain.size) - 1) >> vec2(square.level);
-    return min(last - square.corner, vec2(i32(params.texels) - 1));
-}
-
 /// From 1 at 0 and below to 0 at `width` and above.
 fn fading(x: f32, width: f32) -> f32 {
     let t = clamp(x / width, 0.0, 1.0);
@@ -72,8 +61,8 @@ fn in_frustum(place_m: vec3<f32>, away_m: f32, sides_m: vec2<f32>) -> f32 {
 /// How much is left of the importance of ground that faces away.
 fn facing(texel: vec2<i32>, place_m: vec3<f32>, away_m: f32, sides_m: vec2<f32>) -> f32 {
     // at the border of the map, and of the terrain, one of two neighbours is the texel itself
-    let low = max(texel - 1, first_terrain());
-    let high = min(texel + 1, last_terrain());
+    let low = max(texel - 1, first_terrain(square()));
+    let high = min(texel + 1, last_terrain(square()));
     let between_m = vec2<f32>(max(high - low, vec2(1))) * sides_m;
     let east = (height_of(vec2(high.x, texel.y)) - height_of(vec2(low.x, texel.y))) / between_m.x;
     let south = (height_of(vec2(texel.x, high.y)) - height_of(vec2(texel.x, low.y))) / between_m.y;
@@ -95,8 +84,8 @@ fn unhidden(texel: vec2<i32>, place_m: vec3<f32>, sides_m: vec2<f32>) -> f32 {
     let way = vec2(place_m.x, -place_m.y) / sides_m;
     let texels = max(abs(way.x), abs(way.y));
     let step = way / max(texels, 1.0);
-    let low = vec2<f32>(first_terrain());
-    let high = vec2<f32>(last_terrain());
+    let low = vec2<f32>(first_terrain(square()));
+    let high = vec2<f32>(last_terrain(square()));
     var steepest = -1e30;
     for (var i = 1u; i < params.texels; i++) {
         let at = vec2<f32>(texel) - f32(i) * step;
@@ -125,11 +114,10 @@ fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
     let square = square();
     let texel = vec2<i32>(id.xy);
     let index = id.y * params.texels + id.x;
-    let samples = texel_samples(square);
-    let first = (square.corner + texel) << vec2(square.level);
-    let middle = relative_cells(params.terrain, first) + 0.5 * (samples - 1.0);
+    let first = texel_first(square, texel);
+    let middle = texel_middle(square, texel);
     let place_m = vec3(world_from_cells(params.terrain, middle), relative_height(params.terrain, sketch_height[index]));
-    let sides_m = samples * params.terrain.cell_m;
+    let sides_m = texel_samples(square) * params.terrain.cell_m;
     // a texel is not seen from nearer than a quarter of the sum of its sides, which is half of one
     let near_m = 0.25 * (sides_m.x + sides_m.y);
     let away_m = max(length(place_m), near_m);

@@ -1,4 +1,4 @@
-//! Heights of vertices from the mean pyramid, at the level that fits a cell's extent (`kernels/lib/heights.wgsl`).
+//! Heights from the mean pyramid, at the level that fits a cell's extent (`kernels/lib/means.wgsl`).
 
 use std::sync::Arc;
 
@@ -56,11 +56,13 @@ impl Means {
         if chain.is_flat() && filter != Filter::Finest {
             chain.leave_out("the mean pyramid", "the terrain is flat, every level is the same", 0, 0);
         }
-        if chain.octaves().is_none() {
-            chain.leave_out("octaves between samples", "the scene has no detail", 0, 0);
-        }
         let made = pyramid.and_then(|means| chain.buffer(means).top_level).unwrap_or(layout.top);
         Ok(Self { pyramid, blend: filter == Filter::Trilinear, max_level: top(max_level, made) })
+    }
+
+    /// The coarsest level of the pyramid, if one is needed.
+    pub fn top_level(&self, chain: &Chain) -> Option<u32> {
+        self.pyramid.and_then(|means| chain.buffer(means).top_level)
     }
 
     pub fn bind<'c, 'a>(&self, step: StepBuilder<'c, 'a>) -> StepBuilder<'c, 'a> {

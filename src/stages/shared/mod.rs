@@ -8,4 +8,5 @@ pub mod octaves;
 pub mod prefix_sums;
 pub mod projected;
 pub mod rounding;
+pub mod sketch;
 pub mod traversal;

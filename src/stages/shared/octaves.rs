@@ -5,12 +5,20 @@ use glam::DVec2;
 use super::rounding::EPSILON;
 use crate::frame::octaves::for_meshes;
 use crate::ground::octaves::{Octave, Octaves};
+use crate::plan::Chain;
 use crate::reference::Frame;
 
 /// Roundings of an octave with the amplitude 1. A place on the lattice has 24 bits and is rounded twice more; a direction has three
 /// roundings, two products with it and the phase three, and a wave rises by up to 2 x 6.3 on a side of the lattice: less than
 /// 2 x 6.3 x 9. The polynomial, the fading and the sum of amplitudes are a few dozen more.
 const ROUNDINGS: f64 = 160.0;
+
+/// Says that a stage which knows octaves finds none.
+pub fn note(chain: &mut Chain) {
+    if chain.octaves().is_none() {
+        chain.leave_out("octaves between samples", "the scene has no detail", 0, 0);
+    }
+}
 
 /// The most that octaves with a weight each are off at a place that is off by so many cells, in metres.
 pub fn octaves_off_m(octaves: &Octaves, weight: &dyn Fn(u32) -> f64, off_cells: f64) -> f64 {

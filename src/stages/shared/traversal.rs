@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use glam::UVec2;
 
+use super::octaves;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::kernel::{Elem, Kernel};
 use crate::plan::product::NodeRanges;
@@ -29,9 +30,7 @@ pub fn check(chain: &mut Chain) -> Result<(), Diagnostic> {
     if !chain.sees_underside() {
         chain.leave_out("the way under the surface", "no camera is under it or outside the terrain", 0, 0);
     }
-    if chain.octaves().is_none() {
-        chain.leave_out("octaves between samples", "the scene has no detail", 0, 0);
-    }
+    octaves::note(chain);
     if !has_foreground(chain) {
         let reason = match chain.is_scene_ground() {
             true => "no camera is so close to it that they would move a hit by a 500th of a pixel",

@@ -10,6 +10,7 @@ use crate::kernel::Elem;
 use crate::plan::product::{Grid, Mesh, what};
 use crate::plan::{Chain, Spread};
 use crate::stages::shared::heights::{Filter, Means};
+use crate::stages::shared::octaves;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -55,6 +56,7 @@ impl Stage for Project {
         let size = chain.grid_size(points, Elem::Vec2F32)?;
         let (columns, rows) = (size.x, size.y);
         let means = Means::find(chain, self.filter, self.max_level)?;
+        octaves::note(chain);
         let vertices = chain.make(
             "vertex",
             Elem::Vec4F32,

@@ -9,7 +9,8 @@ use crate::kernel::Elem;
 use crate::plan::product::{Demand, Grid, Mesh, Wanted, what};
 use crate::plan::{Chain, Spread};
 use crate::stages::shared::heights::{Filter, Means};
-use crate::stages::sketch::sketch_importance::texels_of;
+use crate::stages::shared::octaves;
+use crate::stages::shared::sketch::texels_of;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -79,6 +80,7 @@ impl Stage for GeometryImage {
             }
             Source::SketchMap => None,
         };
+        octaves::note(chain);
         let meaning = "x east, y north, z up from the eye; w: pyramid level, or minus the split octave";
         let vertices = chain.make("vertex", Elem::Vec4F32, &[size.y, size.x], "m", meaning);
         chain.set_spread(vertices, Spread::GridPoints);

@@ -17,12 +17,11 @@ impl Reference for GeometryImage {
             Source::Atlas => HeightsOf::Atlas(Heights::new(frame, buffers, self.filter, self.max_level)?),
             Source::SketchMap => HeightsOf::Sketch(&sketch),
         };
-        let [column, row, level, texels] = [0, 1, 2, 3].map(|at| square.value[at]);
-        let samples = level.exp2();
+        let [column, row, side, level] = [0, 1, 2, 3].map(|at| square.value[at]);
         let image = Image {
             places: &buffers.values(points),
-            start: samples * DVec2::new(column, row) - 0.5,
-            side: samples * texels,
+            start: DVec2::new(column, row) - 0.5,
+            side,
             level,
             source,
             bias: self.bias,

@@ -8,7 +8,8 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::product::{Wanted, what};
-use crate::plan::{BufferId, Chain, Spread, StepBuilder};
+use crate::plan::{Chain, Spread, StepBuilder};
+use crate::stages::shared::sketch::texels_of;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -31,6 +32,8 @@ pub const INFO: Info = Info {
             "[HeightPyramid, SketchMap(texels: 10), SketchImportance(facing: false, occlusion: true, clear_deg: 2, hidden_deg: 10)]",
         )
         .in_benches(&[("SketchMap.texels", "128")]),
+        Example::new("[HeightPyramid, SketchMap(texels: 9, blend: 1), SketchImportance(occlusion: true)]")
+            .in_benches(&[("SketchMap.texels", "128")]),
         Example::new("[HeightPyramid, SketchMap(texels: 8), SketchImportance(frustum: false, densest_per_m: 0.002)]")
             .in_benches(&[("SketchMap.texels", "128")]),
     ],
@@ -109,15 +112,6 @@ fn width(degrees: f64) -> f64 {
 /// The slope over which something fades, likewise.
 fn slope(degrees: f64) -> f64 {
     degrees.to_radians().tan().max(1e-6)
-}
-
-/// Texels along a side of a sketch map, of which a stage needs heights and square.
-pub fn texels_of(chain: &Chain, heights: BufferId, square: BufferId) -> Result<u32, Diagnostic> {
-    chain.check_own(square)?;
-    chain.check_kind(square, Elem::I32, &[4])?;
-    let texels = chain.buffer(heights).dims.first().copied().unwrap_or_default();
-    chain.check_kind(heights, Elem::F32, &[texels; 2])?;
-    Ok(texels)
 }
 
 impl Stage for SketchImportance {

@@ -5,15 +5,15 @@ use crate::frame::view::sides;
 use crate::plan::product::Wanted;
 use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::rounding::EPSILON;
+use crate::stages::shared::sketch::Square;
 
 impl Reference for SketchImportance {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let in_square = buffers.find("sketch_square").ok_or_else(|| Absent("the buffer `sketch_square`".into()))?;
         let square = buffers.values(in_square);
-        let [column, row, level, _] = [0, 1, 2, 3].map(|at| square.value[at] as i32);
         let heights = buffers.get("sketch_height")?;
-        let map = Map { frame, heights: &heights, corner: IVec2::new(column, row), level: level as u32 };
         let texels = heights.dims[0];
+        let map = Map { frame, heights: &heights, square: Square::of(&square, texels) };
         let mut importance = Values::missing(&[texels; 2], 1);
         let mut factors = Values::missing(&[texels; 2], 4);
         for (y, x) in (0..texels).flat_map(|y| (0..texels).map(move |x| (y, x))) {
@@ -53,8 +53,7 @@ fn product((a, off_a): (f64, f64), (b, off_b): (f64, f64)) -> (f64, f64) {
 struct Map<'a> {
     frame: &'a Frame<'a>,
     heights: &'a Values,
-    corner: IVec2,
-    level: u32,
+    square: Square,
 }
 
 impl Map<'_> {
@@ -64,13 +63,6 @@ impl Map<'_> {
         let texel = texel.clamp(IVec2::ZERO, IVec2::splat(texels - 1));
         let at = (texel.y * texels + texel.x) as usize;
         (self.heights.value[at], self.heights.bound[at])
-    }
-
-    /// The first and the last texel that are terrain, by columns and by rows.
-    fn terrain(&self) -> (IVec2, IVec2) {
-        let last = self.frame.lattice().last().as_ivec2() >> self.level as i32;
-        let texels = self.heights.dims[0] as i32;
-        ((-self.corner).max(IVec2::ZERO), (last - self.corner).min(IVec2::splat(texels - 1)))
     }
 
     /// Bilinear between texels, and its bound for a place that is off by `off` texels.
@@ -90,20 +82,20 @@ impl Map<'_> {
     }
 
     fn sides_m(&self) -> DVec2 {
-        f64::from(1u32 << self.level) * self.frame.lattice().cell_m
+        self.square.texel_samples() * self.frame.lattice().cell_m
     }
 
     /// The middle of a texel from the eye, and how far f32 can have it from there.
     fn place_m(&self, texel: IVec2) -> (DVec3, f64) {
         let lattice = self.frame.lattice();
         let eye_m = self.frame.camera.eye_m;
-        let first = ((self.corner + texel) << self.level as i32).as_dvec2();
-        let sample = first + 0.5 * (f64::from(1u32 << self.level) - 1.0);
+        let sample = self.square.middle(texel);
         let (height_m, off_m) = self.height_m(texel);
         let place_m = (lattice.world_from_sample(sample) - eye_m.truncate()).extend(height_m - eye_m.z);
-        // the eye's fraction of a cell, its sum with whole cells, a cell in metres, their product; a height, less the eye's in two parts
-        let cell_m = lattice.cell_m.max_element();
-        let rounding_m = EPSILON * (5.0 * (place_m.truncate().length() + cell_m) + 3.0 * place_m.z.abs());
+        // the eye's fraction of a cell, its sum with whole cells, half a texel, their sum, a cell in metres, their product; a height, less
+        // the eye's in two parts
+        let texel_m = self.sides_m().max_element() + lattice.cell_m.max_element();
+        let rounding_m = EPSILON * (6.0 * (place_m.truncate().length() + texel_m) + 3.0 * place_m.z.abs());
         (place_m, rounding_m + off_m)
     }
 }
@@ -119,8 +111,7 @@ impl SketchImportance {
         let away_m = place_m.length().max(near_m);
         // a length's square root may cost what an inverse one does, and is that of a sum of squares
         let off_away = off_m / away_m + 8.0 * EPSILON;
-        let first = (map.corner + texel) << map.level as i32;
-        let is_terrain = first.cmpge(IVec2::ZERO).all() && first.cmplt(map.frame.lattice().size.as_ivec2()).all();
+        let is_terrain = map.square.is_terrain(texel, map.frame.lattice());
         let of_distance = match self.distance {
             true => camera.focal_px() / (self.quad_px * away_m),
             // a point for each texel
@@ -162,7 +153,7 @@ impl SketchImportance {
         // the way is as uncertain as the place, and its parts are products
         let off_texels = off_m / sides_m.min_element() + 8.0 * EPSILON * (texels + f64::from(map.heights.dims[0]));
         let (mut low, mut steepest, mut high) = (-1e30f64, -1e30f64, -1e30f64);
-        let (first, last) = map.terrain();
+        let (first, last) = map.square.terrain(map.frame.lattice());
         // by how much a place is inside the terrain, in texels
         let inside = |at: DVec2| (at - first.as_dvec2()).min(last.as_dvec2() - at).min_element();
         for i in (1..map.heights.dims[0]).map(f64::from) {
@@ -196,7 +187,7 @@ impl SketchImportance {
 
     fn facing(&self, map: &Map, texel: IVec2, (place_m, off_m): (DVec3, f64), away_m: f64) -> (f64, f64) {
         let sides_m = map.sides_m();
-        let (first, last) = map.terrain();
+        let (first, last) = map.square.terrain(map.frame.lattice());
         let (back, there) = ((texel - 1).max(first), (texel + 1).min(last));
         let slope = |step: IVec2, side_m: f64| {
             // the neighbours of a border texel are as far apart as they are

@@ -9,12 +9,13 @@ use crate::experiment::parameters::schema;
 use crate::ground::Lattice;
 use crate::kernel::Elem;
 use crate::plan::{Chain, Spread};
+use crate::stages::shared::heights::{Filter, Means};
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
     name: "SketchMap",
     summary: "the square of terrain that holds the view, copied out of one level of the mean pyramid",
-    formula: "height(i, j) = mean_L(corner + (i, j)), L the finest level at which the map holds every node in view",
+    formula: "height(i, j) = mean_L(corner + (i, j)), L the finest level at which the map holds every node in view; where a change is blended, side = side_(L-1) + (seen - side_(L-1)) / blend, heights between levels L - 1 and L",
     source: "Dachsbacher, Stamminger 2004, sections 1 and 5 (sketch atlas and sketch map)",
     reads: &["height_mean"],
     writes: &["sketch_square", "sketch_height"],
@@ -23,6 +24,8 @@ pub const INFO: Info = Info {
     examples: &[
         Example::new("[HeightPyramid, SketchMap(texels: 9)]").in_benches(&[("SketchMap.texels", "128")]),
         Example::new("[HeightPyramid, SketchMap(texels: 6, far_m: 900)]").in_benches(&[("SketchMap.texels", "128")]),
+        Example::new("[HeightPyramid, SketchMap(texels: 7, blend: 1)]").in_benches(&[("SketchMap.texels", "128")]),
+        Example::new("[HeightPyramid, SketchMap(texels: 9, blend: 0.3)]").in_benches(&[("SketchMap.texels", "128")]),
     ],
     ..Info::EMPTY
 };
@@ -36,22 +39,36 @@ pub struct SketchMap {
     /// what is farther to the east, west, north or south than this is not asked for, in metres; None is all that can be seen
     #[schemars(extend("exclusiveMinimum" = 0))]
     far_m: Option<f64>,
+    /// share of a level's range over which the change to it is blended: the square grows with the view, and heights go from one level to the
+    /// other; 0 changes at once, 1 has the square always grow with the view
+    #[schemars(range(min = 0, max = 1))]
+    blend: f64,
 }
 
 impl Default for SketchMap {
     fn default() -> Self {
-        Self { texels: 128, far_m: None }
+        Self { texels: 128, far_m: None, blend: 0.0 }
     }
 }
 
 /// Samples along a side that a map has at least; `LEAST` of the kernel.
 const LEAST: i32 = 4;
+/// Parts of what is blended; `STEPS` of the kernel.
+const STEPS: i32 = 1024;
+/// What kernels multiply numbers of samples by texels and parts in 32 bits for.
+const MOST_PRODUCT: u64 = 1 << 31;
 
 impl SketchMap {
     /// So many samples from the eye are asked for, by columns and by rows.
     fn far(&self, lattice: Lattice) -> IVec2 {
         let far = self.far_m.map_or(DVec2::INFINITY, |far_m| (far_m / lattice.cell_m).ceil());
         far.min(DVec2::splat(f64::from(1 << 29))).as_ivec2()
+    }
+
+    /// The share over which a change is blended, in parts.
+    fn blend(&self) -> i32 {
+        let parts = (self.blend * f64::from(STEPS)).round() as i32;
+        if self.blend > 0.0 { parts.max(1) } else { 0 }
     }
 
     /// The coarsest level that can be needed.
@@ -64,39 +81,50 @@ impl SketchMap {
 impl Stage for SketchMap {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let lattice = chain.lattice();
+        self.check_room(chain)?;
         let top = self.top(lattice);
-        let means = match top == 0 || chain.is_flat() {
-            true => None,
-            false => Some(chain.read_of_ground("height_mean", Elem::F32, &lattice.means().dims())?),
-        };
+        let filter = if top == 0 { Filter::Finest } else { Filter::default() };
+        let means = Means::find(chain, filter, None)?;
         if top == 0 {
             chain.leave_out("the mean pyramid", "the map has room for every sample of the terrain", 0, 0);
-        } else if means.is_none() {
-            chain.leave_out("the mean pyramid", "the terrain is flat, every level is the same", 0, 0);
         }
-        let made = means.and_then(|means| chain.buffer(means).top_level).unwrap_or(u32::MAX);
-        if made < top {
+        if self.blend > 0.0 && top == 0 {
+            chain.leave_out("blended changes of the level", "the map has one level only", 0, 0);
+        }
+        if let Some(made) = means.top_level(chain).filter(|made| *made < top) {
             let message =
                 format!("a sketch map can need level {top} of the mean pyramid, which is made up to level {made}");
             return Err(Diagnostic::input(message)
                 .at(chain.origin(), "this stage")
                 .help(format!("give `HeightPyramid` a `max_level` of at least {top}, or the map more texels")));
         }
-        let meaning =
-            "column and row of the node that the north-west texel is, level of the nodes, texels along a side";
+        let meaning = "column and row of the north-west sample, samples along a side, level of the nodes";
         let square = chain.make("sketch_square", Elem::I32, &[4], "", meaning);
         let dims = [self.texels; 2];
         let heights = chain.make("sketch_height", Elem::F32, &dims, "m", "height of each node in the square");
         chain.set_spread(heights, Spread::UnitSquare);
         let kernel = chain.kernel("sketch/sketch_map.wgsl")?;
-        chain
+        let copy = chain
             .step("copy", &kernel, "main")
-            .bind_or_leave("height_mean", means)
             .bind("sketch_square", square)
             .bind("sketch_height", heights)
-            .constant("FINEST", f64::from(means.is_none()))
+            .constant("BLENDED", f64::from(self.blend > 0.0 && top > 0))
             .set("texels", self.texels)
             .set("far", self.far(lattice).to_array())
-            .over(UVec2::splat(self.texels))
+            .set("blend", self.blend());
+        means.bind(copy).over(UVec2::splat(self.texels))
+    }
+}
+
+impl SketchMap {
+    /// Numbers of samples, times texels, are less than 32 bits hold.
+    fn check_room(&self, chain: &Chain) -> Result<(), Diagnostic> {
+        let longest = u64::from(chain.lattice().size.max_element());
+        match 2 * longest * u64::from(self.texels).max(STEPS as u64) < MOST_PRODUCT {
+            true => Ok(()),
+            false => Err(Diagnostic::input(format!("a sketch map of {} texels over {longest} samples", self.texels))
+                .at(chain.origin(), "their product has to be less than 2^30")
+                .help("make the map with fewer texels")),
+        }
     }
 }
