@@ -8,7 +8,7 @@ use crate::camera::{self, Camera};
 use crate::experiment::scene::Scene;
 use crate::ground::{Ground, foreground};
 use crate::kernel::{Elem, Packing};
-use crate::terrain::{ColourMap, HeightField};
+use crate::terrain::{ColourMap, HeightField, TypeMap};
 
 /// Everything about a scene that a plan is made for.
 #[derive(Clone, Debug)]
@@ -89,15 +89,18 @@ pub struct Input {
 pub enum InputSource {
     Heights(Arc<HeightField>),
     Colours(Arc<ColourMap>),
+    Types(Arc<TypeMap>),
 }
 
 /// The input that the ground's samples are.
 pub const HEIGHT: &str = "height";
 /// The input that is a colour for each place.
 pub const COLOUR_MAP: &str = "colour_map";
+/// The input that is the number of a surface type for each sample; a stage may make it as well.
+pub const SURFACE_TYPE: &str = "surface_type";
 
 impl Input {
-    fn heights(field: Arc<HeightField>) -> Self {
+    pub fn heights(field: Arc<HeightField>) -> Self {
         Self {
             name: HEIGHT,
             elem: Elem::F32,
@@ -109,7 +112,7 @@ impl Input {
         }
     }
 
-    fn colours(map: Arc<ColourMap>) -> Self {
+    pub fn colours(map: Arc<ColourMap>) -> Self {
         Self {
             name: COLOUR_MAP,
             elem: Elem::U32,
@@ -121,10 +124,23 @@ impl Input {
         }
     }
 
+    pub fn types(map: Arc<TypeMap>) -> Self {
+        Self {
+            name: SURFACE_TYPE,
+            elem: Elem::U32,
+            packing: Packing::None,
+            size: map.size,
+            unit: "",
+            meaning: "number of what lies on the ground, row 0 is north",
+            source: InputSource::Types(map),
+        }
+    }
+
     pub fn bytes(&self) -> &[u8] {
         match &self.source {
             InputSource::Heights(field) => bytemuck::cast_slice(&field.heights_m),
             InputSource::Colours(map) => bytemuck::cast_slice(&map.pixels),
+            InputSource::Types(map) => bytemuck::cast_slice(&map.numbers),
         }
     }
 
@@ -139,14 +155,8 @@ impl Input {
 
 impl SceneData {
     /// A scene with the cameras of its path; the ground is that of the terrain.
-    pub fn new(
-        scene: Scene,
-        ground: Arc<dyn Ground>,
-        terrain: Arc<HeightField>,
-        colours: Option<Arc<ColourMap>>,
-    ) -> Self {
+    pub fn new(scene: Scene, ground: Arc<dyn Ground>, inputs: Vec<Input>) -> Self {
         let cameras = camera::path(&scene, ground.as_ref());
-        let inputs = [Some(Input::heights(terrain)), colours.map(Input::colours)].into_iter().flatten().collect();
         let views = Views::Any;
         Self { scene, ground, inputs, views, sees_underside: true, has_foreground: true }.with_cameras(cameras)
     }

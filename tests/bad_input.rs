@@ -132,6 +132,20 @@ fn ron_cases() -> Vec<Case> {
             experiment("ViewGrid(size: (8, 8)), Project", "Project, ViewGrid(size: (8, 8))"),
         ),
         case("stage left out", experiment("HeightPyramid, RayCast", "RayCast")),
+        case(
+            "surface types that nobody makes",
+            experiment(
+                "[HeightPyramid, RayCast]",
+                "[HeightPyramid, SketchMap, SketchImportance(densest_of_types: (1, 1, 1, 1)), SurfaceType]",
+            ),
+        ),
+        case(
+            "no points for a surface type",
+            experiment(
+                "[HeightPyramid, RayCast]",
+                "[HeightPyramid, SurfaceType, SketchMap, SketchImportance(densest_of_types: (0, 1, 1, 1))]",
+            ),
+        ),
         case("measured buffer nobody makes", experiment("Rasterize, Shade]", "]")),
         case(
             "chains not a map",
@@ -364,6 +378,8 @@ fn file_cases() -> Vec<Case> {
         case("crop outside", dem("file: \"good.png\", cell_m: 30, crop: (2, 2, 5, 5)")),
         case("colours that are not there", experiment("viewport:", "colour: Image(file: \"nowhere.png\"), viewport:")),
         case("colours of garbage", experiment("viewport:", "colour: Image(file: \"garbage.tif\"), viewport:")),
+        case("surface types in colour", experiment("viewport:", "surface_type: Image(file: \"colour.png\"), viewport:")),
+        case("surface types that are not there", experiment("viewport:", "surface_type: Image(file: \"no.png\"), viewport:")),
         case("an unknown kind of colours", experiment("viewport:", "colour: Autumn(), viewport:")),
         case("resample to nothing", dem("file: \"good.png\", cell_m: 30, resample: (0, 0)")),
     ]

@@ -312,6 +312,49 @@ fn importance_has_the_values_of_its_formulas() {
     assert_eq!((border, inside), (1.0, 1.0));
 }
 
+/// Is by surface type: from slope and altitude, and from a file of any size; a texel of several types has the mean of theirs.
+#[test]
+fn a_surface_type_has_its_most_points() {
+    let gpu = Gpu::open(None).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let most_at = |terrain: &str, stages: &str, texels: u32| {
+        let scene = format!(
+            "terrain: {terrain}, camera: Still(eye: (1600, 1600, 9000), pitch_deg: -90), viewport: (64, 64), fov_deg: 60"
+        );
+        let chain = format!(
+            "[HeightPyramid, SketchMap(texels: {texels}), {stages}SketchImportance(densest_per_m: 7, \
+             densest_of_types: (1, 2, 3, 4))]"
+        );
+        let ran = Ran::chain(&gpu, &scene, &chain);
+        let (corner, side, _) = square(&ran);
+        let factors: Vec<[f32; 4]> = ran.read("importance_factors");
+        move |x: i32, y: i32| {
+            let texel = IVec2::new(x, y).div_euclid(IVec2::splat(side)) - corner / side;
+            factors[(texel.y * texels as i32 + texel.x) as usize][3]
+        }
+    };
+    // a plateau of 900 m in the east, a cliff along column 16, ground of 100 m in the west
+    let cliff = "Shape(kind: Cliff, size: (32, 32), cell_m: 100, height_m: (100, 900))";
+    let most = most_at(cliff, "SurfaceType(rock_deg: 60), ", 32);
+    assert_eq!([most(3, 8), most(15, 8), most(16, 8), most(28, 30)], [4.0, 2.0, 2.0, 3.0]);
+    let most = most_at(cliff, "SurfaceType(rock_deg: 80, water_m: 100, snow_m: 900), ", 32);
+    assert_eq!([most(3, 8), most(15, 8), most(16, 8), most(28, 30)], [1.0, 1.0, 4.0, 4.0]);
+    // from a file: types 0 and 9 in the north, 3 and 2 in the south
+    let file = folder.path().join("types.png");
+    image::GrayImage::from_raw(2, 2, vec![0, 9, 3, 2]).unwrap().save(&file).unwrap();
+    let flat = |size: u32| {
+        format!(
+            "Shape(kind: Flat, size: ({size}, {size}), cell_m: 100), surface_type: Image(file: \"{}\")",
+            file.display()
+        )
+    };
+    let most = most_at(&flat(32), "", 32);
+    assert_eq!([most(0, 0), most(15, 15), most(16, 15), most(15, 16), most(31, 31)], [1.0, 1.0, 7.0, 4.0, 3.0]);
+    // a level coarser, four samples are one texel; the columns 16 and 17 are in one, and of two types
+    let most = most_at(&flat(34), "", 32);
+    assert_eq!([most(2, 2), most(16, 2), most(17, 30), most(18, 30)], [1.0, 4.0, 3.5, 3.0]);
+}
+
 /// A wall hides what is behind it and nothing before it, and from beside the terrain nothing hides what is in front.
 #[test]
 fn a_wall_hides_what_is_behind_it() {

@@ -20,6 +20,8 @@ struct Params {
     hidden: f32,
     /// The most grid points a metre.
     densest: f32,
+    /// Those of the first four surface types.
+    densest_of: vec4<f32>,
     /// Least importance, as a share of the largest.
     floor: f32,
 }
@@ -31,11 +33,14 @@ struct Params {
 @group(0) @binding(4) var<storage, read_write> importance: array<f32>;
 /// The four of them: by distance, in the picture, seen from the eye (facing it and not hidden), the most.
 @group(0) @binding(5) var<storage, read_write> factors: array<vec4<f32>>;
+/// A number for each of the terrain's samples.
+@group(0) @binding(6) var<storage, read> surface_type: array<u32>;
 
 override DISTANCE: bool = true;
 override FRUSTUM: bool = true;
 override FACING: bool = true;
 override OCCLUSION: bool = false;
+override BY_TYPE: bool = false;
 override HAS_FLOOR: bool = true;
 override WRITE_FACTORS: bool = false;
 
@@ -101,6 +106,30 @@ fn unhidden(texel: vec2<i32>, place_m: vec3<f32>, sides_m: vec2<f32>) -> f32 {
     return fading(excess - params.clear, params.hidden);
 }
 
+/// Places along a texel that are asked for their surface type.
+const ASKED: i32 = 4;
+
+/// The most grid points a metre that a texel may have: the mean over places in it, each of which has that of its surface type.
+fn densest(square: Square, texel: vec2<i32>) -> f32 {
+    if !BY_TYPE {
+        return params.densest;
+    }
+    let texels = i32(params.texels);
+    let first = texel_first(square, texel);
+    let rest = texel * square.side - (first - square.first) * texels;
+    let last = vec2<i32>(params.terrain.size) - 1;
+    var sum = 0.0;
+    for (var i = 0; i < ASKED * ASKED; i++) {
+        // the sample around a place in the middle of its share of the texel
+        let share = vec2(2 * (i % ASKED) + 1, 2 * (i / ASKED) + 1);
+        let within = (2 * ASKED * rest + share * square.side) / (2 * ASKED * texels);
+        let sample = vec2<u32>(clamp(first + within, vec2(0), last));
+        let number = surface_type[sample.y * params.terrain.size.x + sample.x];
+        sum += select(params.densest, params.densest_of[min(number, 3u)], number < 4u) / f32(ASKED * ASKED);
+    }
+    return sum;
+}
+
 @compute @workgroup_size(1)
 fn begin() {
     atomicStore(&largest[0], 0u);
@@ -122,7 +151,7 @@ fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
     let near_m = 0.25 * (sides_m.x + sides_m.y);
     let away_m = max(length(place_m), near_m);
     // without distance, one point for each texel
-    var found = vec4(0.5 / near_m, 1.0, 1.0, params.densest);
+    var found = vec4(0.5 / near_m, 1.0, 1.0, densest(square, texel));
     if DISTANCE {
         found.x = params.view.focal_px / (params.quad_px * away_m);
     }

@@ -28,6 +28,9 @@ pub struct Scene {
     /// What the ground looks like, for `Shade`. Default: its height in colours.
     #[serde(default)]
     pub colour: Option<Colour>,
+    /// What lies on the ground, for stages that ask for the surface type. Default: nothing says so but the stage `SurfaceType`.
+    #[serde(default)]
+    pub surface_type: Option<SurfaceTypes>,
     /// `Still(..)`, `Orbit(..)` or `Flight(..)`: the same frames every time.
     pub camera: Camera,
     /// Width and height of the image in pixels. Default: (1024, 768).
@@ -102,15 +105,22 @@ impl Default for Detail {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub enum Colour {
     /// A picture, row 0 in the north.
-    Image(ColourImage),
+    Image(GroundImage),
     /// What grows or lies there, from height and slope.
     Cover(Cover),
+}
+
+/// A map of surface types that lies on the ground; its first and last columns and rows are on the terrain's border.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub enum SurfaceTypes {
+    /// 8-bit grey, row 0 in the north: the values are the numbers of the types.
+    Image(GroundImage),
 }
 
 /// A picture that lies on the ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct ColourImage {
+pub struct GroundImage {
     /// Path of a `.png`, relative to the experiment file.
     pub file: PathBuf,
 }
@@ -454,8 +464,9 @@ pub const PARTS: &[Part] = &[
     part("scene.terrain", "Noise", schema::<Noise>),
     part("scene.terrain", "Shape", schema::<Shape>),
     part("scene.detail", "", schema::<Detail>),
-    part("scene.colour", "Image", schema::<ColourImage>),
+    part("scene.colour", "Image", schema::<GroundImage>),
     part("scene.colour", "Cover", schema::<Cover>),
+    part("scene.surface_type", "Image", schema::<GroundImage>),
     part("scene.camera", "Still", schema::<Still>),
     part("scene.camera", "Orbit", schema::<Orbit>),
     part("scene.camera", "Flight", schema::<Flight>),

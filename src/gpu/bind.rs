@@ -165,8 +165,9 @@ impl Bound<'_> {
                 let buffer = &uniform.buffer;
                 Ok(wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size }))
             }
-            (BindingKind::Storage { elem, .. }, place) => {
-                let Some(buffer) = place.and_then(Place::array) else { return Ok(memory.unused.as_entire_binding()) };
+            (BindingKind::Storage { elem, written, .. }, place) => {
+                let unused = &memory.unused[usize::from(*written)];
+                let Some(buffer) = place.and_then(Place::array) else { return Ok(unused.as_entire_binding()) };
                 // a block can be larger than its tenant, whose size is what arrayLength() has to say
                 let bytes = attached.map_or(0, |id| plan.buffer(id).bytes());
                 let size = NonZeroU64::new(bytes.next_multiple_of(elem.bytes()));

@@ -20,8 +20,9 @@ pub struct Half(pub usize);
 /// Where the buffers of a plan are.
 pub struct Memory {
     pub places: Vec<Option<Place>>,
-    /// For variables that a kernel has and does not use.
-    pub unused: wgpu::Buffer,
+    /// For variables that a kernel has and does not use: one for those that are read, one for those that are written, which no step may
+    /// have the same buffer for.
+    pub unused: [wgpu::Buffer; 2],
     pub nearest: wgpu::Sampler,
 }
 
@@ -94,9 +95,10 @@ impl Executor {
         gpu.check_plan(plan)?;
         let inputs = before.map_or_else(BTreeMap::new, |before| before.inputs_for(plan, data));
         let uploaded = inputs.keys().copied().collect();
+        let unused = |label: &str| make_buffer(gpu, label, 64, wgpu::BufferUsages::STORAGE);
         let memory = Memory {
             places: make_places(gpu, plan, inputs)?,
-            unused: make_buffer(gpu, "left out", 64, wgpu::BufferUsages::STORAGE)?,
+            unused: [unused("left out of reading")?, unused("left out of writing")?],
             // the default is nearest and clamped to the edge
             nearest: gpu.device.create_sampler(&wgpu::SamplerDescriptor::default()),
         };

@@ -19,9 +19,9 @@ use crate::ground::octaves::Octaves;
 use crate::ground::{Detailed, Ground, Samples};
 use crate::measure::{self, Chosen};
 use crate::plan::{ANY_ADAPTER_BINDS, BufferId, Capacities, Chain, Demand, Plan};
-use crate::scene::SceneData;
+use crate::scene::{Input, SceneData};
 use crate::stages::{self, Stage};
-use crate::terrain::{ColourMap, HeightField, TerrainError};
+use crate::terrain::{ColourMap, HeightField, TerrainError, TypeMap};
 
 /// A cell with its stages and measures read and its terrain in memory.
 pub struct Prepared {
@@ -69,6 +69,7 @@ pub struct Scenes {
     terrains: BTreeMap<String, Arc<HeightField>>,
     grounds: BTreeMap<String, Arc<dyn Ground>>,
     colours: BTreeMap<String, Arc<ColourMap>>,
+    types: BTreeMap<String, Arc<TypeMap>>,
     scenes: BTreeMap<String, Arc<SceneData>>,
     /// Frames of all scenes in memory.
     frames: usize,
@@ -99,6 +100,7 @@ impl Scenes {
         self.frames = self.scenes.values().map(|data| data.cameras().len()).sum();
         keep_few(&mut self.grounds, most);
         keep_few(&mut self.colours, most);
+        keep_few(&mut self.types, most);
         keep_few(&mut self.terrains, most);
     }
 
@@ -135,14 +137,18 @@ impl Scenes {
             let key = format!("{:?} {surface:?} {key}", cell.scene.detail);
             ground = known(&mut self.grounds, key, || Ok(detailed()))?;
         }
-        let colours = match &cell.scene.colour {
-            None => None,
-            Some(colour) => {
-                let load = || ColourMap::load(colour, &terrain, folder).map_err(bad("colour"));
-                Some(known(&mut self.colours, format!("{colour:?} {key}"), || load().map(Arc::new))?)
-            }
-        };
-        let data = SceneData::new(cell.scene.clone(), ground, terrain, colours);
+        let mut inputs = vec![Input::heights(terrain.clone())];
+        if let Some(colour) = &cell.scene.colour {
+            let load = || ColourMap::load(colour, &terrain, folder).map_err(bad("colour"));
+            let map = known(&mut self.colours, format!("{colour:?} {key}"), || load().map(Arc::new))?;
+            inputs.push(Input::colours(map));
+        }
+        if let Some(types) = &cell.scene.surface_type {
+            let load = || TypeMap::load(types, &terrain, folder).map_err(bad("surface_type"));
+            let map = known(&mut self.types, format!("{types:?} {key}"), || load().map(Arc::new))?;
+            inputs.push(Input::types(map));
+        }
+        let data = SceneData::new(cell.scene.clone(), ground, inputs);
         if !data.cameras().iter().all(|camera| camera.eye_m.is_finite() && camera.world_from_view.is_finite()) {
             return Err(Diagnostic::input("the camera path has a place that is not a number")
                 .at(&part("camera").head(), "this path"));

@@ -43,7 +43,7 @@ stages! {
     rays: [ray_cast, lead_rays, ray_fill],
     picture: [rasterize, shade],
     lists: [scan, compact],
-    maps: [slope],
+    maps: [slope, surface_type],
     own: [kernel],
 }
 

@@ -1,11 +1,11 @@
 //! Height sources: procedural noise, exact shapes, elevation files; all become a [`HeightField`].
 
-mod colour;
 mod files;
 mod geotiff;
 mod nodata;
 mod noise;
 mod npy;
+mod on_ground;
 mod shapes;
 
 use std::path::Path;
@@ -15,7 +15,7 @@ use thiserror::Error;
 
 use crate::experiment::scene::{Dem, Terrain};
 
-pub use colour::ColourMap;
+pub use on_ground::{ColourMap, TypeMap};
 
 /// Samples a side of the largest terrain that is held in memory (16 384^2 f32 samples are 1 GiB).
 pub const LARGEST_SIDE: u32 = 16_384;

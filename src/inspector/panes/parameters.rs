@@ -214,11 +214,11 @@ fn groups(shown: &Shown) -> Vec<Group<'_>> {
         groups.push(Group { title: name, path, parameters, node: Some(&call.node) });
     }
     for (part, node) in scene::parts(&cell.scene_node) {
-        let nested = ["terrain", "colour", "camera", "light"];
+        let is_part = |name: &str| scene::PARTS.iter().any(|part| part.path.strip_prefix("scene.") == Some(name));
         let parameters = describe(&(part.parameters)());
         // the scene's own parts have groups of their own
         let parameters = match part.path {
-            "scene" => parameters.into_iter().filter(|parameter| !nested.contains(&parameter.name.as_str())).collect(),
+            "scene" => parameters.into_iter().filter(|parameter| !is_part(&parameter.name)).collect(),
             _ => parameters,
         };
         let title = format!("{} {}", part.path, part.name);

@@ -62,6 +62,13 @@ impl Square {
         self.first.as_i64vec2() + texel.as_i64vec2() * i64::from(self.side) / i64::from(self.texels)
     }
 
+    /// The sample around the middle of one of `parts` x `parts` equal parts of a texel.
+    pub fn sample(&self, texel: IVec2, part: IVec2, parts: i32) -> IVec2 {
+        let along = 2 * i64::from(parts) * texel.as_i64vec2() + (2 * part + 1).as_i64vec2();
+        let within = along * i64::from(self.side) / (2 * i64::from(parts) * i64::from(self.texels));
+        self.first + within.as_ivec2()
+    }
+
     /// A texel begins on the terrain.
     pub fn is_terrain(&self, texel: IVec2, lattice: Lattice) -> bool {
         let first = self.first_of(texel);

@@ -17,7 +17,7 @@ pub const INFO: Info = Info {
     summary: "importance of the texels of a sketch map: how many grid points a metre are wanted there",
     formula: "I = max(min(Iv Sf Sb, Is), floor max I); Iv = focal_px / (quad_px d), Sf, Sb (and So) = 1 - smoothstep beside the picture, where ground faces away (and where it is hidden)",
     source: "Dachsbacher, Stamminger 2004, section 3.1 (which writes Iv = C / d: there a larger C makes smaller quads)",
-    reads: &["sketch_square", "sketch_height"],
+    reads: &["sketch_square", "sketch_height", "surface_type"],
     writes: &["importance", "importance_factors"],
     offers: &[what::<Wanted<()>>()],
     parameters: schema::<SketchImportance>,
@@ -36,6 +36,10 @@ pub const INFO: Info = Info {
             .in_benches(&[("SketchMap.texels", "128")]),
         Example::new("[HeightPyramid, SketchMap(texels: 8), SketchImportance(frustum: false, densest_per_m: 0.002)]")
             .in_benches(&[("SketchMap.texels", "128")]),
+        Example::new(
+            "[HeightPyramid, SketchMap(texels: 7), SurfaceType, SketchImportance(densest_of_types: (1e-4, 0.002, 1, 0.01))]",
+        )
+        .in_benches(&[("SketchMap.texels", "128")]),
     ],
     ..Info::EMPTY
 };
@@ -72,6 +76,9 @@ pub struct SketchImportance {
     /// the most grid points a metre, whatever the view; None is any number
     #[schemars(range(min = 1e-12, max = 1e12))]
     densest_per_m: Option<f64>,
+    /// the same for ground of the surface types 0, 1, 2 and 3: of `SurfaceType` water, rock, snow and meadow; other types have `densest_per_m`
+    #[schemars(extend("minimum" = 1e-12, "maximum" = 1e12))]
+    densest_of_types: Option<(f64, f64, f64, f64)>,
     /// least importance, as a share of the largest, beyond the terrain's border as well; with 0, as in the paper, what is out of the picture
     /// keeps no points
     #[schemars(range(min = 0, max = 1))]
@@ -92,6 +99,7 @@ impl Default for SketchImportance {
             clear_deg: 0.5,
             hidden_deg: 1.0,
             densest_per_m: None,
+            densest_of_types: None,
             floor: 0.02,
         }
     }
@@ -101,6 +109,11 @@ impl SketchImportance {
     /// The most grid points a metre, as f32 has them.
     fn densest(&self) -> f64 {
         self.densest_per_m.unwrap_or(3e38)
+    }
+
+    /// The same of the first four surface types.
+    fn densest_of(&self) -> [f64; 4] {
+        self.densest_of_types.map_or([self.densest(); 4], <[f64; 4]>::from)
     }
 }
 
@@ -118,6 +131,11 @@ impl Stage for SketchImportance {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (square, heights) = (chain.read("sketch_square")?, chain.read("sketch_height")?);
         let texels = texels_of(chain, heights, square)?;
+        let samples = chain.lattice().size;
+        let types = match self.densest_of_types {
+            Some(_) => Some(chain.read_as("surface_type", Elem::U32, &[samples.y, samples.x])?),
+            None => None,
+        };
         let mut make = |name, elem, unit, meaning| {
             let id = chain.make(name, elem, &[texels; 2], unit, meaning);
             chain.set_spread(id, Spread::UnitSquare);
@@ -137,6 +155,7 @@ impl Stage for SketchImportance {
             .bind("sketch_square", square)
             .bind("sketch_height", heights)
             .bind_or_leave("largest", largest)
+            .bind_or_leave("surface_type", types)
             .bind("importance", importance)
             .bind_if_wanted("factors", factors, "WRITE_FACTORS")
             .over(UVec2::splat(texels))?;
@@ -160,6 +179,7 @@ impl SketchImportance {
             .constant("FRUSTUM", f64::from(self.frustum))
             .constant("FACING", f64::from(self.facing))
             .constant("OCCLUSION", f64::from(self.occlusion))
+            .constant("BY_TYPE", f64::from(self.densest_of_types.is_some()))
             .constant("HAS_FLOOR", f64::from(self.floor > 0.0))
             .set("texels", texels)
             .set("quad_px", self.quad_px as f32)
@@ -169,6 +189,7 @@ impl SketchImportance {
             .set("clear", self.clear_deg.to_radians().tan() as f32)
             .set("hidden", slope(self.hidden_deg) as f32)
             .set("densest", self.densest() as f32)
+            .set("densest_of", self.densest_of().map(|densest| densest as f32))
             .set("floor", self.floor as f32))
     }
 }

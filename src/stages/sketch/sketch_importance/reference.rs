@@ -7,13 +7,17 @@ use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::rounding::EPSILON;
 use crate::stages::shared::sketch::Square;
 
+/// Places along a texel that are asked for their surface type; `ASKED` of the kernel.
+const ASKED: i32 = 4;
+
 impl Reference for SketchImportance {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let in_square = buffers.find("sketch_square").ok_or_else(|| Absent("the buffer `sketch_square`".into()))?;
         let square = buffers.values(in_square);
         let heights = buffers.get("sketch_height")?;
         let texels = heights.dims[0];
-        let map = Map { frame, heights: &heights, square: Square::of(&square, texels) };
+        let types = self.densest_of_types.map(|_| buffers.get("surface_type")).transpose()?;
+        let map = Map { frame, heights: &heights, types: types.as_deref(), square: Square::of(&square, texels) };
         let mut importance = Values::missing(&[texels; 2], 1);
         let mut factors = Values::missing(&[texels; 2], 4);
         for (y, x) in (0..texels).flat_map(|y| (0..texels).map(move |x| (y, x))) {
@@ -53,6 +57,7 @@ fn product((a, off_a): (f64, f64), (b, off_b): (f64, f64)) -> (f64, f64) {
 struct Map<'a> {
     frame: &'a Frame<'a>,
     heights: &'a Values,
+    types: Option<&'a Values>,
     square: Square,
 }
 
@@ -141,7 +146,24 @@ impl SketchImportance {
             true => product(to_eye, self.unhidden(map, texel, (place_m, off_m))),
             false => to_eye,
         };
-        [of_distance, in_picture, seen, (self.densest(), EPSILON * self.densest())]
+        [of_distance, in_picture, seen, self.densest_at(map, texel)]
+    }
+
+    /// The most grid points a metre that a texel may have: the mean over places in it.
+    fn densest_at(&self, map: &Map, texel: IVec2) -> (f64, f64) {
+        let Some(types) = map.types else { return (self.densest(), EPSILON * self.densest()) };
+        let (lattice, of_types) = (map.frame.lattice(), self.densest_of());
+        let places = (0..ASKED * ASKED).map(|at| IVec2::new(at % ASKED, at / ASKED));
+        let densest = |place: IVec2| {
+            let sample = map.square.sample(texel, place, ASKED).clamp(IVec2::ZERO, lattice.last().as_ivec2());
+            let at = (sample.y as u32 * lattice.size.x + sample.x as u32) as usize;
+            let densest = of_types.get(types.value[at] as usize).copied().unwrap_or(self.densest());
+            (densest, types.bound[at])
+        };
+        let (sum, off) = places.map(densest).fold((0.0, 0.0), |sum, (densest, off)| (sum.0 + densest, sum.1 + off));
+        let mean = sum / f64::from(ASKED * ASKED);
+        // what is no number of a type for sure may be of any
+        (mean, if off > 0.0 { f64::INFINITY } else { 40.0 * EPSILON * mean })
     }
 
     /// How much is left of the importance of ground that other ground hides.

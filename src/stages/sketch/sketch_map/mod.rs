@@ -53,10 +53,9 @@ impl Default for SketchMap {
 
 /// Samples along a side that a map has at least; `LEAST` of the kernel.
 const LEAST: i32 = 4;
-/// Parts of what is blended; `STEPS` of the kernel.
+/// Parts of what is blended; `STEPS` of the kernel. Twice the largest terrain's side times these, or times the texels of the largest map, is a
+/// number of 32 bits.
 const STEPS: i32 = 1024;
-/// What kernels multiply numbers of samples by texels and parts in 32 bits for.
-const MOST_PRODUCT: u64 = 1 << 31;
 
 impl SketchMap {
     /// So many samples from the eye are asked for, by columns and by rows.
@@ -81,7 +80,6 @@ impl SketchMap {
 impl Stage for SketchMap {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let lattice = chain.lattice();
-        self.check_room(chain)?;
         let top = self.top(lattice);
         let filter = if top == 0 { Filter::Finest } else { Filter::default() };
         let means = Means::find(chain, filter, None)?;
@@ -113,18 +111,5 @@ impl Stage for SketchMap {
             .set("far", self.far(lattice).to_array())
             .set("blend", self.blend());
         means.bind(copy).over(UVec2::splat(self.texels))
-    }
-}
-
-impl SketchMap {
-    /// Numbers of samples, times texels, are less than 32 bits hold.
-    fn check_room(&self, chain: &Chain) -> Result<(), Diagnostic> {
-        let longest = u64::from(chain.lattice().size.max_element());
-        match 2 * longest * u64::from(self.texels).max(STEPS as u64) < MOST_PRODUCT {
-            true => Ok(()),
-            false => Err(Diagnostic::input(format!("a sketch map of {} texels over {longest} samples", self.texels))
-                .at(chain.origin(), "their product has to be less than 2^30")
-                .help("make the map with fewer texels")),
-        }
     }
 }

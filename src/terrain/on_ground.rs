@@ -1,4 +1,4 @@
-//! Maps of colours that lie on the ground: from a picture, or from height and slope.
+//! Maps that lie on the ground: of colours, from a picture or from height and slope, and of surface types.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::files::check_claim;
 use super::{HeightField, TerrainError};
 use crate::experiment::regular;
-use crate::experiment::scene::{Colour, Cover};
+use crate::experiment::scene::{Colour, Cover, SurfaceTypes};
 
 /// A rectangle of colours. Its first and last columns and rows are on the terrain's border; row 0 is north.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,7 +29,44 @@ impl ColourMap {
     }
 }
 
+/// The number of what lies on the ground at each of the terrain's samples, `[rows, columns]`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TypeMap {
+    pub size: UVec2,
+    pub numbers: Vec<u32>,
+}
+
+impl TypeMap {
+    /// Reads the map of a terrain, and takes for each sample the nearest of its numbers.
+    pub fn load(types: &SurfaceTypes, field: &HeightField, folder: &Path) -> Result<Self, TerrainError> {
+        let SurfaceTypes::Image(image) = types;
+        let path = folder.join(&image.file);
+        let image::DynamicImage::ImageLuma8(image) = open(&path)? else {
+            let what = "holds no 8-bit grey values, which are the numbers of surface types".to_string();
+            return Err(TerrainError::BadFile { path: path.display().to_string(), what });
+        };
+        let nearest = |at: u32, last: u32, last_there: u32| {
+            let twice = 2 * u64::from(at) * u64::from(last_there) + u64::from(last);
+            (twice / (2 * u64::from(last))) as u32
+        };
+        let last = (field.size - 1).max(UVec2::ONE);
+        let number = |at: usize| {
+            let (x, y) = (at as u32 % field.size.x, at as u32 / field.size.x);
+            let there = (nearest(x, last.x, image.width() - 1), nearest(y, last.y, image.height() - 1));
+            u32::from(image.get_pixel(there.0, there.1).0[0])
+        };
+        Ok(Self { size: field.size, numbers: (0..field.heights_m.len()).into_par_iter().map(number).collect() })
+    }
+}
+
 fn read(path: &Path) -> Result<ColourMap, TerrainError> {
+    let image = open(path)?;
+    let size = UVec2::new(image.width(), image.height());
+    let pixels = image.into_rgba8().pixels().map(|pixel| u32::from_le_bytes(pixel.0)).collect();
+    Ok(ColourMap { size, pixels })
+}
+
+fn open(path: &Path) -> Result<image::DynamicImage, TerrainError> {
     let shown = || path.display().to_string();
     let bad = |what: String| TerrainError::BadFile { path: shown(), what };
     let file =
@@ -37,10 +74,8 @@ fn read(path: &Path) -> Result<ColourMap, TerrainError> {
     let decoder = image::codecs::png::PngDecoder::new(std::io::BufReader::new(file))
         .map_err(|error| bad(format!("is no readable PNG: {error}")))?;
     let (columns, rows) = image::ImageDecoder::dimensions(&decoder);
-    let (columns, rows) = check_claim(columns.into(), rows.into()).map_err(bad)?;
-    let image = image::DynamicImage::from_decoder(decoder).map_err(|error| bad(format!("is damaged: {error}")))?;
-    let pixels = image.to_rgba8().pixels().map(|pixel| u32::from_le_bytes(pixel.0)).collect();
-    Ok(ColourMap { size: UVec2::new(columns, rows), pixels })
+    check_claim(columns.into(), rows.into()).map_err(bad)?;
+    image::DynamicImage::from_decoder(decoder).map_err(|error| bad(format!("is damaged: {error}")))
 }
 
 const WATER: DVec3 = DVec3::new(0.22, 0.38, 0.52);
