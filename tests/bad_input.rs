@@ -378,8 +378,14 @@ fn file_cases() -> Vec<Case> {
         case("crop outside", dem("file: \"good.png\", cell_m: 30, crop: (2, 2, 5, 5)")),
         case("colours that are not there", experiment("viewport:", "colour: Image(file: \"nowhere.png\"), viewport:")),
         case("colours of garbage", experiment("viewport:", "colour: Image(file: \"garbage.tif\"), viewport:")),
-        case("surface types in colour", experiment("viewport:", "surface_type: Image(file: \"colour.png\"), viewport:")),
-        case("surface types that are not there", experiment("viewport:", "surface_type: Image(file: \"no.png\"), viewport:")),
+        case(
+            "surface types in colour",
+            experiment("viewport:", "surface_type: Image(file: \"colour.png\"), viewport:"),
+        ),
+        case(
+            "surface types that are not there",
+            experiment("viewport:", "surface_type: Image(file: \"no.png\"), viewport:"),
+        ),
         case("an unknown kind of colours", experiment("viewport:", "colour: Autumn(), viewport:")),
         case("resample to nothing", dem("file: \"good.png\", cell_m: 30, resample: (0, 0)")),
     ]

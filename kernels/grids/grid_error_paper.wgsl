@@ -18,6 +18,8 @@ struct Params {
 @group(0) @binding(2) var<storage, read_write> moved: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> grid_error: array<f32>;
 
+/// What is over its threshold is raised to the maximum.
+override RAISED: bool = true;
 override WRITE_ERROR: bool = true;
 
 fn low_and_high(level: u32, at: vec2<i32>) -> vec2<f32> {
@@ -64,7 +66,9 @@ fn paper(@builtin(global_invocation_id) id: vec3<u32>) {
     let rho_px = params.lambda * delta_m / max(length(point.xyz), 1e-6);
     let is_over = rho_px >= params.threshold_px;
     let error = select(0.0, 1.0 - params.threshold_px / rho_px, is_over);
-    moved[index] = vec4(point.xy, select(point.z, high, rho_px > params.threshold_px), error);
+    if RAISED {
+        moved[index] = vec4(point.xy, select(point.z, high, rho_px > params.threshold_px), error);
+    }
     if WRITE_ERROR {
         grid_error[index] = error;
     }

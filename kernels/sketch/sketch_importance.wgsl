@@ -24,6 +24,8 @@ struct Params {
     densest_of: vec4<f32>,
     /// Least importance, as a share of the largest.
     floor: f32,
+    /// How far importance follows errors instead of distance, 0 to 1.
+    error_share: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -35,12 +37,22 @@ struct Params {
 @group(0) @binding(5) var<storage, read_write> factors: array<vec4<f32>>;
 /// A number for each of the terrain's samples.
 @group(0) @binding(6) var<storage, read> surface_type: array<u32>;
+/// What the errors of the frame before asked for, over its square, in points a metre; zeros if there was none.
+@group(0) @binding(7) var<storage, read> asked: array<f32>;
+/// Column and row of that square's north-west sample, samples along a side, level.
+@group(0) @binding(8) var<storage, read> asked_square: array<i32>;
+/// Of each row of texels whose errors are known: points wanted by distance, and by errors.
+@group(0) @binding(9) var<storage, read_write> row_sums: array<vec2<f32>>;
+/// The same square without its level, and in its place points wanted by distance over points wanted by errors, as the bits of an f32.
+@group(0) @binding(10) var<storage, read_write> asked_over_out: array<i32>;
+@group(0) @binding(11) var<storage, read> asked_over: array<i32>;
 
 override DISTANCE: bool = true;
 override FRUSTUM: bool = true;
 override FACING: bool = true;
 override OCCLUSION: bool = false;
 override BY_TYPE: bool = false;
+override BY_ERROR: bool = false;
 override HAS_FLOOR: bool = true;
 override WRITE_FACTORS: bool = false;
 
@@ -130,19 +142,35 @@ fn densest(square: Square, texel: vec2<i32>) -> f32 {
     return sum;
 }
 
+/// Errors ask for at most so many times as many points as distance does, and for no fewer than one in so many.
+const FARTHEST: f32 = 1024.0;
+
+/// Points a metre that the errors of the frame before asked for in the middle of a texel, bilinear; 0 where its square was not.
+fn asked_at(square: Square, texel: vec2<i32>, before: Square) -> f32 {
+    let first = texel_first(square, texel);
+    let rest = texel * square.side - (first - square.first) * i32(params.texels);
+    // from the corner of that square, half a sample before its first one
+    let cells = vec2<f32>(first - before.first) + (vec2<f32>(rest) + 0.5 * f32(square.side)) / f32(params.texels);
+    if any(cells < vec2(0.0)) || any(cells > vec2(f32(before.side))) || before.side == 0 {
+        return 0.0;
+    }
+    let texels = u32(sqrt(f32(arrayLength(&asked))) + 0.5);
+    let at = clamp(cells / f32(before.side) * f32(texels) - 0.5, vec2(0.0), vec2(f32(texels - 1u)));
+    let low = min(vec2<u32>(at), vec2(texels - 1u));
+    let high = min(low + 1u, vec2(texels - 1u));
+    let w = at - vec2<f32>(low);
+    let north = mix(asked[low.y * texels + low.x], asked[low.y * texels + high.x], w.x);
+    return mix(north, mix(asked[high.y * texels + low.x], asked[high.y * texels + high.x], w.x), w.y);
+}
+
 @compute @workgroup_size(1)
 fn begin() {
     atomicStore(&largest[0], 0u);
 }
 
-@compute @workgroup_size(8, 8)
-fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= vec2(params.texels)) {
-        return;
-    }
-    let square = square();
-    let texel = vec2<i32>(id.xy);
-    let index = id.y * params.texels + id.x;
+/// By distance, in the picture, seen from the eye, the most.
+fn factors_of(square: Square, texel: vec2<i32>) -> vec4<f32> {
+    let index = u32(texel.y) * params.texels + u32(texel.x);
     let first = texel_first(square, texel);
     let middle = texel_middle(square, texel);
     let place_m = vec3(world_from_cells(params.terrain, middle), relative_height(params.terrain, sketch_height[index]));
@@ -167,6 +195,57 @@ fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
     // where there is no terrain, nothing is wanted
     if any(first < vec2(0)) || any(first >= vec2<i32>(params.terrain.size)) {
         found.x = 0.0;
+    }
+    return found;
+}
+
+/// Sums up what distance and what errors want, row by row.
+@compute @workgroup_size(64)
+fn survey(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= params.texels {
+        return;
+    }
+    let square = square();
+    let before = Square(vec2(asked_square[0], asked_square[1]), asked_square[2], 0u);
+    var sums = vec2(0.0);
+    for (var x = 0; x < i32(params.texels); x++) {
+        let texel = vec2(x, i32(id.x));
+        let asked = asked_at(square, texel, before);
+        let found = factors_of(square, texel);
+        if asked > 0.0 && found.x > 0.0 {
+            sums += vec2(found.x, asked) * (found.y * found.z);
+        }
+    }
+    row_sums[id.x] = sums;
+}
+
+@compute @workgroup_size(1)
+fn compare() {
+    var sums = vec2(0.0);
+    for (var y = 0u; y < params.texels; y++) {
+        sums += row_sums[y];
+    }
+    for (var i = 0; i < 3; i++) {
+        asked_over_out[i] = asked_square[i];
+    }
+    asked_over_out[3] = bitcast<i32>(select(0.0, sums.x / sums.y, sums.y > 0.0));
+}
+
+@compute @workgroup_size(8, 8)
+fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= vec2(params.texels)) {
+        return;
+    }
+    let square = square();
+    let texel = vec2<i32>(id.xy);
+    let index = id.y * params.texels + id.x;
+    var found = factors_of(square, texel);
+    if BY_ERROR {
+        let before = Square(vec2(asked_over[0], asked_over[1]), asked_over[2], 0u);
+        let by_errors = bitcast<f32>(asked_over[3]) * asked_at(square, texel, before);
+        if by_errors > 0.0 && found.x > 0.0 {
+            found.x *= pow(clamp(by_errors / found.x, 1.0 / FARTHEST, FARTHEST), params.error_share);
+        }
     }
     let wanted = min(found.x * found.y * found.z, found.w);
     importance[index] = wanted;

@@ -38,7 +38,7 @@ macro_rules! stages {
 stages! {
     pyramids: [height_pyramid, plane_pyramid],
     grids: [view_grid, aspect_importance, warp, project, grid_error],
-    sketch: [sketch_map, sketch_importance, geometry_image, density_ratio],
+    sketch: [sketch_map, sketch_importance, geometry_image, density_ratio, error_demand],
     quadtree: [roughness, vertex_splitting, triangle_splitting],
     rays: [ray_cast, lead_rays, ray_fill],
     picture: [rasterize, shade],

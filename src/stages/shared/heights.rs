@@ -122,7 +122,10 @@ impl Heights {
         let found = match self.filter {
             Filter::Trilinear => {
                 // across a whole level the blend goes on where the one before ended: the difference to the next is enough
-                let slope = self.step_m(finer as u32, sample, off_cells);
+                let slope = match off_level <= 1.0 {
+                    true => self.step_m(finer as u32, sample, off_cells),
+                    false => self.range_m.1 - self.range_m.0,
+                };
                 (fine_m + (coarse_m - fine_m) * (level - finer), fine_off.max(coarse_off) + off_level * slope)
             }
             // the level jumps at whole numbers
@@ -159,7 +162,12 @@ impl Heights {
         let largest = self.range_m.0.abs().max(self.range_m.1.abs());
         // means are themselves rounded: six operations a level
         let rounding = (12.0 + 6.0 * f64::from(level)) * EPSILON * largest;
-        (height, 2.0 * (highest - lowest) * (off / side).min(1.0) + rounding)
+        // and a place that may be among other cells can have any height
+        let reach_m = match off <= side {
+            true => 2.0 * (highest - lowest) * off / side,
+            false => self.range_m.1 - self.range_m.0,
+        };
+        (height, reach_m + rounding)
     }
 
     /// Largest height difference between neighbouring levels around `level`.

@@ -11,3 +11,11 @@ pub const PROOF_SNAP_PX: f32 = 0.005;
 /// The same for any adapter there may be, which decides where a reference says nothing: Vulkan's smallest `subPixelPrecisionBits` is
 /// 4, so corners are rounded to 1/16 of a pixel.
 pub const ANY_ADAPTER_SNAP_PX: f64 = 0.7072 / 16.0;
+
+/// Relative error of `pow(x, exponent)` in f32 for an x from 1 / `range` to `range`: WGSL has it of exp2 and log2, to which Vulkan allows 3 + 2 |x|
+/// units in the last place, and 3 units or 2^-21.
+pub fn power(range: f64, exponent: f64) -> f64 {
+    let largest = range.log2();
+    let logarithm = exponent * (5e-7 + 6.0 * EPSILON * largest) + 2.0 * EPSILON * exponent * largest;
+    std::f64::consts::LN_2 * logarithm + (6.0 + 4.0 * exponent * largest) * EPSILON
+}

@@ -15,7 +15,7 @@ use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
     name: "GridError",
-    summary: "the error of a projected grid: estimated at its points (Paper), or bounded with the grid raised above the surface (Proven)",
+    summary: "the error of a projected grid: estimated at its points (Paper, Estimate), or bounded with the grid raised above the surface (Proven)",
     formula: "delta = max(h_max - h_avg, h_avg - h_min); rho = lambda delta / |p - e|; error = 0 if rho < gamma, else 1 - gamma / rho",
     source: "Loeffler et al. 2009, Eq. 2, 3, 4 and the displacement by the maximum; Proven is ours: docs/proven_bound.md",
     reads: &["height_plane", "plane_slope"],
@@ -26,6 +26,8 @@ pub const INFO: Info = Info {
     read: read_as::<GridError>,
     examples: &[
         Example::new("[HeightPyramid, ViewGrid(size: (23, 17)), Project, GridError(threshold_px: 0.5)]")
+            .in_benches(&[("ViewGrid.size", "(512, 384)")]),
+        Example::new("[HeightPyramid, ViewGrid(size: (12, 11)), Project, GridError(rule: Estimate, threshold_px: 0.1)]")
             .in_benches(&[("ViewGrid.size", "(512, 384)")]),
         Example::new(
             "[HeightPyramid, PlanePyramid, ViewGrid(size: (17, 23)), Project(filter: Finest), GridError(rule: Proven, threshold_px: 2)]",
@@ -53,8 +55,10 @@ impl Default for GridError {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 enum Rule {
-    /// estimates at grid points from the minimum and maximum pyramids
+    /// estimates at grid points from the minimum and maximum pyramids; what is over its threshold is raised to the maximum
     Paper,
+    /// the same estimates; the mesh stays as it is, and promises nothing
+    Estimate,
     /// bounds over whole cells
     Proven,
 }
@@ -75,7 +79,8 @@ impl Stage for GridError {
         let size = chain.grid_size(grid.vertex, Elem::Vec4F32)?;
         let inputs = Inputs { vertices: grid.vertex, size };
         match self.rule {
-            Rule::Paper => paper::plan(chain, inputs, self.threshold_px),
+            Rule::Paper => paper::plan(chain, inputs, self.threshold_px, true),
+            Rule::Estimate => paper::plan(chain, inputs, self.threshold_px, false),
             Rule::Proven => proven::plan(chain, inputs, self.threshold_px),
         }
     }

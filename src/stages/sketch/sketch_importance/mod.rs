@@ -8,7 +8,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::product::{Wanted, what};
-use crate::plan::{Chain, Spread, StepBuilder};
+use crate::plan::{BufferId, Chain, Spread, StepBuilder};
 use crate::stages::shared::sketch::texels_of;
 use crate::stages::{Example, Info, Stage, read_as};
 
@@ -17,7 +17,7 @@ pub const INFO: Info = Info {
     summary: "importance of the texels of a sketch map: how many grid points a metre are wanted there",
     formula: "I = max(min(Iv Sf Sb, Is), floor max I); Iv = focal_px / (quad_px d), Sf, Sb (and So) = 1 - smoothstep beside the picture, where ground faces away (and where it is hidden)",
     source: "Dachsbacher, Stamminger 2004, section 3.1 (which writes Iv = C / d: there a larger C makes smaller quads)",
-    reads: &["sketch_square", "sketch_height", "surface_type"],
+    reads: &["sketch_square", "sketch_height", "surface_type", "error_demand"],
     writes: &["importance", "importance_factors"],
     offers: &[what::<Wanted<()>>()],
     parameters: schema::<SketchImportance>,
@@ -79,6 +79,10 @@ pub struct SketchImportance {
     /// the same for ground of the surface types 0, 1, 2 and 3: of `SurfaceType` water, rock, snow and meadow; other types have `densest_per_m`
     #[schemars(extend("minimum" = 1e-12, "maximum" = 1e12))]
     densest_of_types: Option<(f64, f64, f64, f64)>,
+    /// how far importance follows what the errors of the frame before ask for (`ErrorDemand`), instead of distance: 0 is not at all, as in the
+    /// paper, 1 is wholly
+    #[schemars(range(min = 0, max = 1))]
+    error_share: f64,
     /// least importance, as a share of the largest, beyond the terrain's border as well; with 0, as in the paper, what is out of the picture
     /// keeps no points
     #[schemars(range(min = 0, max = 1))]
@@ -100,6 +104,7 @@ impl Default for SketchImportance {
             hidden_deg: 1.0,
             densest_per_m: None,
             densest_of_types: None,
+            error_share: 0.0,
             floor: 0.02,
         }
     }
@@ -151,11 +156,13 @@ impl Stage for SketchImportance {
         if let Some(largest) = largest {
             self.step(chain, texels, "begin")?.bind("largest", largest).over(UVec2::ONE)?;
         }
-        self.step(chain, texels, "weigh")?
-            .bind("sketch_square", square)
-            .bind("sketch_height", heights)
+        let ground = Ground { square, heights, types };
+        let asked = self.compare(chain, texels, &ground)?;
+        ground
+            .bind(self.step(chain, texels, "weigh")?)
             .bind_or_leave("largest", largest)
-            .bind_or_leave("surface_type", types)
+            .bind_or_leave("asked", asked.as_ref().map(|asked| asked.demand))
+            .bind_or_leave("asked_over", asked.as_ref().map(|asked| asked.over))
             .bind("importance", importance)
             .bind_if_wanted("factors", factors, "WRITE_FACTORS")
             .over(UVec2::splat(texels))?;
@@ -165,7 +172,47 @@ impl Stage for SketchImportance {
     }
 }
 
+/// What factors are made from.
+struct Ground {
+    square: BufferId,
+    heights: BufferId,
+    types: Option<BufferId>,
+}
+
+impl Ground {
+    fn bind<'c, 'a>(&self, step: StepBuilder<'c, 'a>) -> StepBuilder<'c, 'a> {
+        step.bind("sketch_square", self.square)
+            .bind("sketch_height", self.heights)
+            .bind_or_leave("surface_type", self.types)
+    }
+}
+
+/// What the errors of the frame before ask for, and the square that it had, with how many times as much distance wants.
+struct Asked {
+    demand: BufferId,
+    over: BufferId,
+}
+
 impl SketchImportance {
+    /// Compares what errors want with what distance wants, so that one can stand for the other.
+    fn compare(&self, chain: &mut Chain, texels: u32, ground: &Ground) -> Result<Option<Asked>, Diagnostic> {
+        if self.error_share == 0.0 {
+            return Ok(None);
+        }
+        let origin = chain.origin().clone();
+        let demand = chain.last_frame("error_demand", Elem::F32, &origin);
+        let square = chain.last_frame("sketch_square", Elem::I32, &origin);
+        let meaning = "of each row of texels: points that distance wants, and errors";
+        let sums = chain.make("error_sums", Elem::Vec2F32, &[texels], "", meaning);
+        let meaning = "the square before: column and row, side, and points that distance wants over points that errors want, as bits";
+        let over = chain.make("asked_over", Elem::I32, &[4], "", meaning);
+        let survey = ground.bind(self.step(chain, texels, "survey")?).bind("asked", demand);
+        survey.bind("asked_square", square).bind("row_sums", sums).over(UVec2::new(texels, 1))?;
+        let compare = self.step(chain, texels, "compare")?.bind("row_sums", sums).bind("asked_square", square);
+        compare.bind("asked_over_out", over).over(UVec2::ONE)?;
+        Ok(Some(Asked { demand, over }))
+    }
+
     fn step<'c, 'a>(
         &self,
         chain: &'c mut Chain<'a>,
@@ -180,6 +227,7 @@ impl SketchImportance {
             .constant("FACING", f64::from(self.facing))
             .constant("OCCLUSION", f64::from(self.occlusion))
             .constant("BY_TYPE", f64::from(self.densest_of_types.is_some()))
+            .constant("BY_ERROR", f64::from(self.error_share > 0.0))
             .constant("HAS_FLOOR", f64::from(self.floor > 0.0))
             .set("texels", texels)
             .set("quad_px", self.quad_px as f32)
@@ -190,6 +238,7 @@ impl SketchImportance {
             .set("hidden", slope(self.hidden_deg) as f32)
             .set("densest", self.densest() as f32)
             .set("densest_of", self.densest_of().map(|densest| densest as f32))
-            .set("floor", self.floor as f32))
+            .set("floor", self.floor as f32)
+            .set("error_share", self.error_share as f32))
     }
 }

@@ -9,7 +9,8 @@ impl Reference for GridError {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
         let Mesh::Grid(grid) = buffers.latest()? else { return Err(Absent("a grid".into())) };
         match self.rule {
-            Rule::Paper => paper::reference(frame, buffers, grid, self.threshold_px)?,
+            Rule::Paper => paper::reference(frame, buffers, grid, self.threshold_px, true)?,
+            Rule::Estimate => paper::reference(frame, buffers, grid, self.threshold_px, false)?,
             Rule::Proven => proven::reference(frame, buffers, grid, self.threshold_px),
         }
         Ok(())

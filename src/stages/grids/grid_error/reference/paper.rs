@@ -7,10 +7,17 @@ use crate::plan::product::{Grid, Mesh, PointErrors, Promise};
 use crate::reference::{Absent, Buffers, Frame, Values, ValuesId};
 use crate::stages::shared::rounding::EPSILON;
 
-pub fn reference(frame: &Frame, buffers: &mut Buffers, grid: Grid<ValuesId>, threshold_px: f64) -> Result<(), Absent> {
+pub fn reference(
+    frame: &Frame,
+    buffers: &mut Buffers,
+    grid: Grid<ValuesId>,
+    threshold_px: f64,
+    is_raised: bool,
+) -> Result<(), Absent> {
     let vertices = buffers.values(grid.vertex);
     let (height, lowest, highest) = (buffers.get("height")?, buffers.get("height_min")?, buffers.get("height_max")?);
-    let known = Ranges { height: &height, lowest: &lowest, highest: &highest, lattice: frame.lattice() };
+    let (lattice, range_m) = (frame.lattice(), frame.ground.range_m());
+    let known = Ranges { height: &height, lowest: &lowest, highest: &highest, lattice, range_m };
     let terrain = frame.lattice();
     let (eye_m, top) = (frame.camera.eye_m, terrain.cells().top);
     let lambda = f64::from(frame.data.scene.viewport.1) / frame.data.scene.fov_deg.to_radians();
@@ -31,7 +38,10 @@ pub fn reference(frame: &Frame, buffers: &mut Buffers, grid: Grid<ValuesId>, thr
         let (low, high) = (blend(|range| range.0) - eye_m.z, blend(|range| range.1) - eye_m.z);
         // past a whole level the blend goes on where the one before ended
         let jump = |a: &(f64, f64, f64), b: &(f64, f64, f64)| (a.0 - b.0).abs().max((a.1 - b.1).abs());
-        let step_m = jump(&fine, &coarse).max(jump(&coarse, &next)).max(jump(&before, &fine));
+        let step_m = match off_level <= 1.0 {
+            true => jump(&fine, &coarse).max(jump(&coarse, &next)).max(jump(&before, &fine)),
+            false => known.range_m.1 - known.range_m.0,
+        };
         let off_m = fine.2.max(coarse.2) + off_level * step_m + off[2] + 8.0 * EPSILON * (high - low).abs();
         let delta_m = (high - point.z).max(point.z - low).max(0.0);
         let distance_m = point.length().max(1e-6);
@@ -48,10 +58,12 @@ pub fn reference(frame: &Frame, buffers: &mut Buffers, grid: Grid<ValuesId>, thr
             moved.set(4 * at + 2, high, off_m);
         }
     }
-    let vertex = buffers.put("vertex", moved);
+    if is_raised {
+        let vertex = buffers.put("vertex", moved);
+        let promise = Some(Promise { bound_px: threshold_px, proven: false });
+        buffers.offer(Mesh::Grid(Grid { vertex, promise, ..grid }));
+    }
     let errors = buffers.put("grid_error", errors);
-    let promise = Some(Promise { bound_px: threshold_px, proven: false });
-    buffers.offer(Mesh::Grid(Grid { vertex, promise, ..grid }));
     buffers.offer(PointErrors { errors });
     Ok(())
 }
@@ -62,6 +74,7 @@ struct Ranges<'a> {
     lowest: &'a Values,
     highest: &'a Values,
     lattice: Lattice,
+    range_m: (f64, f64),
 }
 
 impl Ranges<'_> {
@@ -99,6 +112,8 @@ impl Ranges<'_> {
         };
         let largest = around.iter().fold(0.0, |most: f64, (low, high)| most.max(low.abs()).max(high.abs()));
         let steepest = spread(|range| range.0).max(spread(|range| range.1));
-        (mix(|range| range.0), mix(|range| range.1), 2.0 * steepest * (off / side).min(1.0) + 12.0 * EPSILON * largest)
+        // a place that may be among other cells can have any height
+        let reach_m = if off <= side { 2.0 * steepest * off / side } else { self.range_m.1 - self.range_m.0 };
+        (mix(|range| range.0), mix(|range| range.1), reach_m + 12.0 * EPSILON * largest)
     }
 }

@@ -1,3 +1,5 @@
+mod errors;
+
 use glam::{DVec2, DVec3, IVec2};
 
 use super::{SketchImportance, slope, width};
@@ -20,9 +22,12 @@ impl Reference for SketchImportance {
         let map = Map { frame, heights: &heights, types: types.as_deref(), square: Square::of(&square, texels) };
         let mut importance = Values::missing(&[texels; 2], 1);
         let mut factors = Values::missing(&[texels; 2], 4);
-        for (y, x) in (0..texels).flat_map(|y| (0..texels).map(move |x| (y, x))) {
-            let at = (y * texels + x) as usize;
-            let found = self.factors(&map, IVec2::new(x as i32, y as i32));
+        let places = || (0..texels).flat_map(|y| (0..texels).map(move |x| IVec2::new(x as i32, y as i32)));
+        let mut found: Vec<[(f64, f64); 4]> = places().map(|texel| self.factors(&map, texel)).collect();
+        if let (true, Some(previous)) = (self.error_share > 0.0, frame.previous) {
+            errors::follow(self.error_share, &mut found, &errors::asked(previous, map.square)?);
+        }
+        for (at, found) in found.into_iter().enumerate() {
             let of_view = product(product(found[0], found[1]), found[2]);
             let most = found[3];
             let least = |off: f64| (of_view.0 + off * of_view.1).min(most.0 + off * most.1);
@@ -50,6 +55,7 @@ fn raise(importance: &mut Values, floor: f64) {
     }
 }
 
+/// A product and its bound.
 fn product((a, off_a): (f64, f64), (b, off_b): (f64, f64)) -> (f64, f64) {
     (a * b, a * off_b + b * off_a + off_a * off_b + 2.0 * EPSILON * a * b)
 }
