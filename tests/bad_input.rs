@@ -140,6 +140,10 @@ fn ron_cases() -> Vec<Case> {
             ),
         ),
         case(
+            "errors that nobody keeps",
+            experiment("[HeightPyramid, RayCast]", "[HeightPyramid, SketchMap, SketchImportance(error_share: 0.5)]"),
+        ),
+        case(
             "no points for a surface type",
             experiment(
                 "[HeightPyramid, RayCast]",

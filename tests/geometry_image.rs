@@ -355,6 +355,35 @@ fn a_surface_type_has_its_most_points() {
     assert_eq!([most(2, 2), most(16, 2), most(17, 30), most(18, 30)], [1.0, 4.0, 3.5, 3.0]);
 }
 
+/// Seen from straight above, all ground is about as far away, and errors are where a hill is. Points that follow the errors of the frame before
+/// go there; in a first frame there are none to follow.
+#[test]
+fn points_follow_the_errors_of_the_frame_before() {
+    let gpu = Gpu::open(None).unwrap();
+    let hill = "Shape(kind: GaussianHill, size: (201, 201), cell_m: 30, height_m: (0, 900))";
+    let still = "Flight(frames: 8, keys: [(eye: (3000, 3000, 8000), look_at: (3000, 3010, 0)), \
+                 (eye: (3001, 3000, 8000), look_at: (3001, 3010, 0))])";
+    let scene = format!("terrain: {hill}, camera: {still}, viewport: (64, 64)");
+    let frames = |share: f64| {
+        let chain = format!(
+            "[HeightPyramid, SketchMap(texels: 64), SketchImportance(error_share: {share:?}), ViewGrid(size: (65, 65)), Warp(rounds: 2), \
+             GeometryImage, GridError(rule: Estimate, threshold_px: 0.1), ErrorDemand(texels: 32)]"
+        );
+        Ran::frames(&gpu, &scene, &chain)
+    };
+    let on_hill = |ran: &Ran| {
+        let vertices: Vec<[f32; 4]> = ran.read("vertex");
+        vertices.iter().filter(|vertex| f64::from(vertex[0]).hypot(vertex[1].into()) < 1500.0).count()
+    };
+    let (by_distance, by_errors) = (frames(0.0), frames(1.0));
+    let importance = |ran: &Ran| ran.read::<u32>("importance");
+    assert_eq!(importance(&by_distance[0]), importance(&by_errors[0]));
+    let counts = [&by_distance, &by_errors].map(|frames| frames.iter().map(on_hill).collect::<Vec<_>>());
+    println!("{counts:?}");
+    // and they stay there
+    assert!((2..8).all(|at| counts[1][at] > counts[0][at] * 5 / 4), "{counts:?}");
+}
+
 /// A wall hides what is behind it and nothing before it, and from beside the terrain nothing hides what is in front.
 #[test]
 fn a_wall_hides_what_is_behind_it() {

@@ -151,7 +151,7 @@ impl<'a> Chain<'a> {
     }
 
     /// Who makes a buffer or a product: a stage further down, or stages that are not in the chain.
-    fn whose_turn_comes(&self, what: &str) -> Option<String> {
+    pub(super) fn whose_turn_comes(&self, what: &str) -> Option<String> {
         let makers = self.announced.makers.map(|makers| makers(what)).unwrap_or_default();
         let is_maker = |(stage, makes): &&(String, Vec<String>)| {
             makes.iter().any(|made| made == what) || makers.contains(&stage.as_str())

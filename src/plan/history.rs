@@ -63,13 +63,13 @@ impl Chain<'_> {
     pub fn close(&mut self) -> Result<(), Diagnostic> {
         for Awaited { name, last, elem, stage, origin } in std::mem::take(&mut self.awaited) {
             let Some(next) = self.find(&name) else {
+                let message = format!("`{stage}` needs what the frame before left in `{name}`, which no stage makes");
+                let message = Diagnostic::input(message).at(&origin, "asked for here");
                 let made = self.buffers.iter().filter(|buffer| buffer.life == Life::Frame);
-                let names = made.map(|buffer| buffer.name.as_str());
-                return Err(Diagnostic::input(format!(
-                    "`{stage}` needs what the frame before left in `{name}`, which no stage makes"
-                ))
-                .at(&origin, "asked for here")
-                .suggest(&name, names));
+                return Err(match self.whose_turn_comes(&name) {
+                    Some(help) => message.help(help),
+                    None => message.suggest(&name, made.map(|buffer| buffer.name.as_str())),
+                });
             };
             let made = self.buffer(next).clone();
             let is_known = self.buffer(last).life == Life::LastOf(next);
