@@ -186,9 +186,10 @@ fn more_rounds_serve_the_demand_no_worse() {
         "terrain: {RELIEF}, camera: Flight(frames: 8, clearance_m: 30, keys: [(eye: (200, 200, 900), look_at: (3000, 2500, 200)), \
          (eye: (2500, 1800, 500), look_at: (4500, 4000, 200)), (eye: (3000, 2500, 700), look_at: (6000, 4000, 0))]), viewport: (64, 48)"
     );
-    for (scene, importances) in [
+    for (scene, blend, importances) in [
         (
             hill,
+            "0",
             &[
                 "distance: false, frustum: false, facing: false",
                 "frustum: false, facing: false",
@@ -197,11 +198,13 @@ fn more_rounds_serve_the_demand_no_worse() {
                 "",
             ][..],
         ),
-        (&flight[..], &[""]),
+        (&flight[..], "0", &[""]),
+        (&flight[..], "1", &[""]),
     ] {
         for importance in importances {
             let chain = format!(
-                "[HeightPyramid, SketchMap(texels: 64), SketchImportance({importance}), ViewGrid(size: (65, 65)), Warp, GeometryImage, Rasterize]"
+                "[HeightPyramid, SketchMap(texels: 64, blend: {blend}), SketchImportance({importance}), ViewGrid(size: (65, 65)), Warp, \
+                 GeometryImage, Rasterize]"
             );
             let text = format!(
                 "Experiment(scene: ({scene}), chains: {{\"image\": {chain}}}, sweep: {{\"*.Warp.rounds\": [1, 2, 4, 8]}}, measure: [Density, Mesh])"
