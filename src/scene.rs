@@ -136,6 +136,11 @@ impl Input {
         }
     }
 
+    /// It has an element for each of the terrain's samples.
+    pub fn is_of_samples(&self) -> bool {
+        !matches!(self.source, InputSource::Colours(_))
+    }
+
     pub fn bytes(&self) -> &[u8] {
         match &self.source {
             InputSource::Heights(field) => bytemuck::cast_slice(&field.heights_m),

@@ -387,6 +387,10 @@ fn file_cases() -> Vec<Case> {
             experiment("viewport:", "surface_type: Image(file: \"colour.png\"), viewport:"),
         ),
         case(
+            "surface types in two bits",
+            experiment("viewport:", "surface_type: Image(file: \"two_bits.png\"), viewport:"),
+        ),
+        case(
             "surface types that are not there",
             experiment("viewport:", "surface_type: Image(file: \"no.png\"), viewport:"),
         ),
@@ -439,6 +443,11 @@ fn kernel_cases() -> Vec<Case> {
         case("a distance of another size", kernel(&BIND.replace("like: \"height\"", "size: (10, 7), as: Distance"), "params: (scale: 1), over: \"mine\"")),
         case("offered as nothing that is known", kernel(&BIND.replace("of: F32", "of: F32, as: Depth"), &ok)),
         case("over nothing", kernel(BIND, "params: (scale: 1), over: (0, 8)")),
+        case(
+            "errors that a kernel makes up",
+            kernel(&BIND.replace("\"mine\"", "\"error_demand\""), "params: (scale: 1), over: \"error_demand\"")
+                .replace("HeightPyramid, RayCast]", "HeightPyramid, SketchMap, SketchImportance(error_share: 1)]"),
+        ),
         case("the frame before of nothing", kernel(&BIND.replace("\"height\",", "Last(\"depth\"),"), &ok)),
         case("the frame before of an input", kernel(&BIND.replace("\"height\",", "Last(\"height\"),"), &ok)),
         case("sized like the frame before", kernel(&BIND.replace("\"height\",", "Last(\"distance\"),").replace("like: \"height\"", "like: \"distance.last\""), &ok)),
@@ -539,12 +548,29 @@ fn large_kernel_cases() -> Vec<Case> {
     ]
 }
 
+/// A PNG of 4 x 1 pixels with the values 0 to 3, two bits each.
+fn two_bits() -> Vec<u8> {
+    let mut png = b"\x89PNG\r\n\x1a\n".to_vec();
+    let mut chunk = |kind: &[u8], data: &[u8]| {
+        png.extend((data.len() as u32).to_be_bytes());
+        let body = [kind, data].concat();
+        png.extend(&body);
+        png.extend(crc32(&body).to_be_bytes());
+    };
+    chunk(b"IHDR", &[0, 0, 0, 4, 0, 0, 0, 1, 2, 0, 0, 0, 0]);
+    // a zlib stream of one stored block: no filter, and a byte of pixels, 0b00_01_10_11; its Adler-32
+    chunk(b"IDAT", &[0x78, 0x01, 1, 2, 0, 0xfd, 0xff, 0, 0x1b, 0, 0x1d, 0, 0x1c]);
+    chunk(b"IEND", &[]);
+    png
+}
+
 /// Files with something wrong with them.
 fn write_files(folder: &Path) {
     let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).unwrap();
     let good = folder.join("good.png");
     image::ImageBuffer::from_fn(5, 5, |x, y| image::Luma([(x * y) as u16])).save(&good).unwrap();
     image::RgbImage::new(5, 5).save(folder.join("colour.png")).unwrap();
+    write("two_bits.png", &two_bits());
     let png = std::fs::read(&good).unwrap();
     write("cut.png", &png[..png.len() - 30]);
     let mut liar = png.clone();

@@ -170,6 +170,30 @@ fn a_stage_on_the_cpu() {
     assert!(common::errors(&refused).contains("did you mean `Warp`?"));
 }
 
+/// A stage on the CPU finds what the frame before left, although the walk in f64 ends before the stage that leaves it.
+#[test]
+fn a_stage_on_the_cpu_remembers() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = SCENE.replace("camera: Still(", "camera: Still(frames: 3, ");
+    let experiment = format!(
+        "Experiment(scene: ({scene}), chains: {{\"a\": [HeightPyramid, SketchMap(texels: 16), SketchImportance(error_share: 0.5), \
+         ViewGrid(size: (17, 17)), Warp, GeometryImage, GridError(rule: Estimate, threshold_px: 0.01), ErrorDemand(texels: 8), \
+         Rasterize]}}, measure: [ScreenError])"
+    );
+    let importance = |flags: &[&str]| -> Vec<Vec<f32>> {
+        let records = common::records_of(folder.path(), &experiment, &[&["--dump", "importance"], flags].concat());
+        let dumps = folder.path().join("made/dumps").join(records[0]["hash"].as_str().unwrap());
+        let frame = |at: usize| std::fs::read(dumps.join(format!("importance_{at:04}.npy"))).unwrap();
+        (0..3).map(|at| npyz::NpyFile::new(&frame(at)[..]).unwrap().into_vec().unwrap()).collect()
+    };
+    let (plain, on_cpu) = (importance(&[]), importance(&["--on-cpu", "SketchImportance"]));
+    assert_ne!(plain[0], plain[1], "the second frame follows errors");
+    for (plain, on_cpu) in plain.iter().zip(&on_cpu) {
+        let off = plain.iter().zip(on_cpu).map(|(a, b)| (a - b).abs() / a.max(1e-30)).fold(0.0, f32::max);
+        assert!(off < 1e-3, "{off}");
+    }
+}
+
 /// A picture of a buffer is in the page, after a step as well, and of every frame where that is asked for.
 #[test]
 fn pictures_of_buffers_are_in_the_page() {

@@ -22,6 +22,11 @@ fn texel_samples(square: Square) -> f32 {
     return f32(square.side) / f32(params.texels);
 }
 
+/// The level of the pyramid that texels are as large as the nodes of.
+fn texel_level(square: Square) -> f32 {
+    return select(log2(texel_samples(square)), f32(square.level), square.side == i32(params.texels << square.level));
+}
+
 /// The sample that a texel begins in.
 fn texel_first(square: Square, texel: vec2<i32>) -> vec2<i32> {
     return square.first + (texel * square.side) / i32(params.texels);

@@ -19,6 +19,8 @@ struct Params {
 /// The largest of a texel so far: positive floats are ordered like their bits.
 @group(0) @binding(4) var<storage, read_write> painted: array<atomic<u32>>;
 @group(0) @binding(5) var<storage, read_write> error_demand: array<f32>;
+@group(0) @binding(6) var<storage, read> sketch_square: array<i32>;
+@group(0) @binding(7) var<storage, read_write> error_square: array<i32>;
 
 /// No density is larger.
 const DENSEST: f32 = 1e30;
@@ -30,7 +32,8 @@ fn begin(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-/// Points a metre that the error of a cell asks for: as many times those that it has as the error's root is larger than that of what is allowed.
+/// Points a metre that the error of a cell asks for: as many times those that it has as the error's root is larger than that of what is
+/// allowed. Of smaller errors nothing is known, and they ask for as many as there are.
 fn asked_for(nw: u32, sw: u32) -> f32 {
     let north = vertex[nw + 1u].xy - vertex[nw].xy;
     let south = vertex[sw + 1u].xy - vertex[sw].xy;
@@ -69,5 +72,10 @@ fn paint(@builtin(global_invocation_id) id: vec3<u32>) {
 fn finish(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x < params.texels * params.texels {
         error_demand[id.x] = bitcast<f32>(atomicLoad(&painted[id.x]));
+    }
+    if id.x == 0u {
+        for (var i = 0; i < 4; i++) {
+            error_square[i] = sketch_square[i];
+        }
     }
 }

@@ -69,7 +69,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var found: vec2<f32>;
     if SKETCH_HEIGHTS {
-        found = vec2(sketch_at(place), f32(square.level));
+        found = vec2(sketch_at(place), texel_level(square));
     } else {
         found = height_for(cells, reach);
     }

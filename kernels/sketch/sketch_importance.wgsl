@@ -33,7 +33,7 @@ struct Params {
 @group(0) @binding(2) var<storage, read> sketch_height: array<f32>;
 @group(0) @binding(3) var<storage, read_write> largest: array<atomic<u32>>;
 @group(0) @binding(4) var<storage, read_write> importance: array<f32>;
-/// The four of them: by distance, in the picture, seen from the eye (facing it and not hidden), the most.
+/// The four of them: by distance (or errors), in the picture, seen from the eye (facing it and not hidden), the most.
 @group(0) @binding(5) var<storage, read_write> factors: array<vec4<f32>>;
 /// A number for each of the terrain's samples.
 @group(0) @binding(6) var<storage, read> surface_type: array<u32>;
@@ -41,11 +41,12 @@ struct Params {
 @group(0) @binding(7) var<storage, read> asked: array<f32>;
 /// Column and row of that square's north-west sample, samples along a side, level.
 @group(0) @binding(8) var<storage, read> asked_square: array<i32>;
-/// Of each row of texels whose errors are known: points wanted by distance, and by errors.
-@group(0) @binding(9) var<storage, read_write> row_sums: array<vec2<f32>>;
-/// The same square without its level, and in its place points wanted by distance over points wanted by errors, as the bits of an f32.
-@group(0) @binding(10) var<storage, read_write> asked_over_out: array<i32>;
-@group(0) @binding(11) var<storage, read> asked_over: array<i32>;
+/// Of each texel whose errors are known, and of each row of them: importance by distance, and by errors.
+@group(0) @binding(9) var<storage, read_write> texel_sums: array<vec2<f32>>;
+@group(0) @binding(12) var<storage, read_write> row_sums: array<vec2<f32>>;
+/// The same square without its level, and in its place all importance by distance over all importance by errors, as the bits of an f32.
+@group(0) @binding(10) var<storage, read_write> asked_frame_out: array<i32>;
+@group(0) @binding(11) var<storage, read> asked_frame: array<i32>;
 
 override DISTANCE: bool = true;
 override FRUSTUM: bool = true;
@@ -119,7 +120,7 @@ fn unhidden(texel: vec2<i32>, place_m: vec3<f32>, sides_m: vec2<f32>) -> f32 {
 }
 
 /// Places along a texel that are asked for their surface type.
-const ASKED: i32 = 4;
+const PLACES: i32 = 4;
 
 /// The most grid points a metre that a texel may have: the mean over places in it, each of which has that of its surface type.
 fn densest(square: Square, texel: vec2<i32>) -> f32 {
@@ -131,13 +132,13 @@ fn densest(square: Square, texel: vec2<i32>) -> f32 {
     let rest = texel * square.side - (first - square.first) * texels;
     let last = vec2<i32>(params.terrain.size) - 1;
     var sum = 0.0;
-    for (var i = 0; i < ASKED * ASKED; i++) {
+    for (var i = 0; i < PLACES * PLACES; i++) {
         // the sample around a place in the middle of its share of the texel
-        let share = vec2(2 * (i % ASKED) + 1, 2 * (i / ASKED) + 1);
-        let within = (2 * ASKED * rest + share * square.side) / (2 * ASKED * texels);
+        let share = vec2(2 * (i % PLACES) + 1, 2 * (i / PLACES) + 1);
+        let within = (2 * PLACES * rest + share * square.side) / (2 * PLACES * texels);
         let sample = vec2<u32>(clamp(first + within, vec2(0), last));
         let number = surface_type[sample.y * params.terrain.size.x + sample.x];
-        sum += select(params.densest, params.densest_of[min(number, 3u)], number < 4u) / f32(ASKED * ASKED);
+        sum += select(params.densest, params.densest_of[min(number, 3u)], number < 4u) / f32(PLACES * PLACES);
     }
     return sum;
 }
@@ -199,22 +200,28 @@ fn factors_of(square: Square, texel: vec2<i32>) -> vec4<f32> {
     return found;
 }
 
-/// Sums up what distance and what errors want, row by row.
-@compute @workgroup_size(64)
+/// What distance and what errors want, so that one can stand for the other: texel by texel, then summed up by rows.
+@compute @workgroup_size(8, 8)
 fn survey(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= params.texels {
+    if any(id.xy >= vec2(params.texels)) {
         return;
     }
     let square = square();
-    let before = Square(vec2(asked_square[0], asked_square[1]), asked_square[2], 0u);
+    let texel = vec2<i32>(id.xy);
+    let asked = asked_at(square, texel, Square(vec2(asked_square[0], asked_square[1]), asked_square[2], 0u));
+    let found = factors_of(square, texel);
+    let is_known = asked > 0.0 && found.x > 0.0;
+    texel_sums[id.y * params.texels + id.x] = select(vec2(0.0), vec2(found.x, asked) * (found.y * found.z), is_known);
+}
+
+@compute @workgroup_size(64)
+fn sum_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= params.texels {
+        return;
+    }
     var sums = vec2(0.0);
-    for (var x = 0; x < i32(params.texels); x++) {
-        let texel = vec2(x, i32(id.x));
-        let asked = asked_at(square, texel, before);
-        let found = factors_of(square, texel);
-        if asked > 0.0 && found.x > 0.0 {
-            sums += vec2(found.x, asked) * (found.y * found.z);
-        }
+    for (var x = 0u; x < params.texels; x++) {
+        sums += texel_sums[id.x * params.texels + x];
     }
     row_sums[id.x] = sums;
 }
@@ -226,9 +233,9 @@ fn compare() {
         sums += row_sums[y];
     }
     for (var i = 0; i < 3; i++) {
-        asked_over_out[i] = asked_square[i];
+        asked_frame_out[i] = asked_square[i];
     }
-    asked_over_out[3] = bitcast<i32>(select(0.0, sums.x / sums.y, sums.y > 0.0));
+    asked_frame_out[3] = bitcast<i32>(select(0.0, sums.x / sums.y, sums.y > 0.0));
 }
 
 @compute @workgroup_size(8, 8)
@@ -241,8 +248,8 @@ fn weigh(@builtin(global_invocation_id) id: vec3<u32>) {
     let index = id.y * params.texels + id.x;
     var found = factors_of(square, texel);
     if BY_ERROR {
-        let before = Square(vec2(asked_over[0], asked_over[1]), asked_over[2], 0u);
-        let by_errors = bitcast<f32>(asked_over[3]) * asked_at(square, texel, before);
+        let before = Square(vec2(asked_frame[0], asked_frame[1]), asked_frame[2], 0u);
+        let by_errors = bitcast<f32>(asked_frame[3]) * asked_at(square, texel, before);
         if by_errors > 0.0 && found.x > 0.0 {
             found.x *= pow(clamp(by_errors / found.x, 1.0 / FARTHEST, FARTHEST), params.error_share);
         }

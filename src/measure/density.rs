@@ -66,7 +66,7 @@ pub struct Density {
 impl Measure for Density {
     fn needs(&self, chain: &Chain) -> Result<Vec<BufferId>, Diagnostic> {
         let demand: Option<Demand<BufferId>> = chain.products().latest();
-        let Some(Demand { importance, places, vertex }) = demand else {
+        let Some(Demand { importance, places, vertex, .. }) = demand else {
             // of what was drawn without a demand there is nothing to say
             let drawn: Option<Drawn<BufferId>> = chain.products().latest();
             return drawn.map(|_| Vec::new()).ok_or_else(|| chain.missing::<Demand<BufferId>>());

@@ -51,7 +51,7 @@ impl<'a> Chain<'a> {
         let input = |input: &crate::scene::Input| Buffer {
             storage: Storage::Input,
             packing: input.packing,
-            spread: if input.name == HEIGHT { Spread::Samples } else { Spread::Numbers },
+            spread: if input.is_of_samples() { Spread::Samples } else { Spread::Numbers },
             ..Buffer::new(input.name, input.elem, &[input.size.y, input.size.x], input.unit, input.meaning)
         };
         let buffers: Vec<Buffer> = data.inputs.iter().map(input).collect();
@@ -193,17 +193,21 @@ impl<'a> Chain<'a> {
 
     /// Refuses a buffer that a user's kernel writes: kernels that run without bounds checks rely on what is in it.
     pub fn check_own(&self, id: BufferId) -> Result<(), Diagnostic> {
-        let runs = self.steps.iter().filter_map(|step| step.run().map(|run| (step, run)));
+        self.check_own_for(id, &self.stage, &self.origin)
+    }
+
+    /// The same for a stage that has had its turn.
+    pub(super) fn check_own_for(&self, id: BufferId, stage: &str, origin: &Origin) -> Result<(), Diagnostic> {
+        let mut runs = self.steps.iter().filter_map(|step| step.run().map(|run| (step, run)));
         let is_foreign = |(step, run): &(&Step, &Run)| !run.kernel.trusted && step.writes.contains(&id);
-        match runs.into_iter().find(is_foreign) {
+        match runs.find(is_foreign) {
             None => Ok(()),
             Some((_, step)) => Err(Diagnostic::input(format!(
-                "`{}` relies on what is in `{}`, which `{}` writes",
-                self.stage,
+                "`{stage}` relies on what is in `{}`, which `{}` writes",
                 self.buffer(id).name,
                 step.kernel.name
             ))
-            .at(&self.origin, self.whose)
+            .at(origin, self.whose)
             .help("give what your kernel makes another name")),
         }
     }

@@ -11,6 +11,8 @@ pub(super) struct Awaited {
     last: BufferId,
     /// What it has to be for who asked.
     elem: Elem,
+    /// Only a stage may make it: who asked relies on what is in it.
+    is_own: bool,
     stage: String,
     origin: Origin,
 }
@@ -49,19 +51,29 @@ impl Chain<'_> {
     /// What the chain leaves in a buffer, as it was in the frame before: a stage that has not had its turn may make it. `elem` is what it has
     /// to be.
     pub fn last_frame(&mut self, name: &str, elem: Elem, origin: &Origin) -> BufferId {
+        self.wait_for(name, elem, false, origin)
+    }
+
+    /// The same of what a stage of lodlab makes: a kernel that asks for it relies on what is in it.
+    pub fn last_frame_of_own(&mut self, name: &str, elem: Elem) -> BufferId {
+        let origin = self.origin.clone();
+        self.wait_for(name, elem, true, &origin)
+    }
+
+    fn wait_for(&mut self, name: &str, elem: Elem, is_own: bool, origin: &Origin) -> BufferId {
         let known = self.awaited.iter().find(|awaited| awaited.name == name).map(|awaited| awaited.last);
         let last = known.unwrap_or_else(|| {
             let old = Buffer::new(&format!("{name}.last"), elem, &[], "", "what the frame before left");
             self.make_with_life(Life::Kept, old)
         });
         let (name, stage, origin) = (name.to_string(), self.stage.clone(), origin.clone());
-        self.awaited.push(Awaited { name, last, elem, stage, origin });
+        self.awaited.push(Awaited { name, last, elem, is_own, stage, origin });
         last
     }
 
     /// Says that all stages have had their turn: what was asked for of the frame before is there now, or is a mistake.
     pub fn close(&mut self) -> Result<(), Diagnostic> {
-        for Awaited { name, last, elem, stage, origin } in std::mem::take(&mut self.awaited) {
+        for Awaited { name, last, elem, is_own, stage, origin } in std::mem::take(&mut self.awaited) {
             let Some(next) = self.find(&name) else {
                 let message = format!("`{stage}` needs what the frame before left in `{name}`, which no stage makes");
                 let message = Diagnostic::input(message).at(&origin, "asked for here");
@@ -71,6 +83,9 @@ impl Chain<'_> {
                     None => message.suggest(&name, made.map(|buffer| buffer.name.as_str())),
                 });
             };
+            if is_own {
+                self.check_own_for(next, &stage, &origin)?;
+            }
             let made = self.buffer(next).clone();
             let is_known = self.buffer(last).life == Life::LastOf(next);
             let refuse =

@@ -156,6 +156,8 @@ pub struct Demand<B> {
     pub places: B,
     /// Where they are from the eye, in metres.
     pub vertex: B,
+    /// Where the square is among the terrain's samples.
+    pub square: B,
 }
 
 /// What has become of a warp that would have folded.

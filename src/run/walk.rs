@@ -9,7 +9,7 @@ use crate::camera::Camera;
 use crate::experiment::Cell;
 use crate::experiment::diagnostic::Diagnostic;
 use crate::gpu::Executor;
-use crate::plan::{Buffer, BufferId, Plan};
+use crate::plan::{Buffer, BufferId, Life, Plan};
 use crate::reference::{Buffers, Frame, Values};
 use crate::stages;
 
@@ -96,6 +96,12 @@ impl Walk {
             }
             let last = self.on_cpu.iter().max();
             goes_on |= last.is_some_and(|last| *last > index);
+        }
+        // the walk in f64 may have ended before a stage that leaves something to the next frame
+        for id in (0..plan.buffers.len()).map(BufferId) {
+            if plan.buffer(id).life == Life::Next && plan.lives(id) {
+                buffers.put(&plan.buffer(id).name, read(executor, &plan, id)?);
+            }
         }
         self.previous = Some(buffers);
         Ok(())

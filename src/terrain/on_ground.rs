@@ -1,5 +1,6 @@
 //! Maps that lie on the ground: of colours, from a picture or from height and slope, and of surface types.
 
+use std::io::{Read, Seek};
 use std::path::Path;
 
 use glam::{DVec2, DVec3, UVec2};
@@ -41,9 +42,16 @@ impl TypeMap {
     pub fn load(types: &SurfaceTypes, field: &HeightField, folder: &Path) -> Result<Self, TerrainError> {
         let SurfaceTypes::Image(image) = types;
         let path = folder.join(&image.file);
-        let image::DynamicImage::ImageLuma8(image) = open(&path)? else {
-            let what = "holds no 8-bit grey values, which are the numbers of surface types".to_string();
-            return Err(TerrainError::BadFile { path: path.display().to_string(), what });
+        let (image, bits) = open(&path)?;
+        // fewer bits come out as values of eight, and are not what they were
+        let image = match image {
+            image::DynamicImage::ImageLuma8(image) if bits == 8 => image,
+            other => {
+                let kind = if other.color().has_color() { "colours" } else { "grey values" };
+                let what =
+                    format!("holds {kind} of {bits} bits, and the numbers of surface types are grey values of 8");
+                return Err(TerrainError::BadFile { path: path.display().to_string(), what });
+            }
         };
         let nearest = |at: u32, last: u32, last_there: u32| {
             let twice = 2 * u64::from(at) * u64::from(last_there) + u64::from(last);
@@ -60,22 +68,32 @@ impl TypeMap {
 }
 
 fn read(path: &Path) -> Result<ColourMap, TerrainError> {
-    let image = open(path)?;
+    let (image, _) = open(path)?;
     let size = UVec2::new(image.width(), image.height());
     let pixels = image.into_rgba8().pixels().map(|pixel| u32::from_le_bytes(pixel.0)).collect();
     Ok(ColourMap { size, pixels })
 }
 
-fn open(path: &Path) -> Result<image::DynamicImage, TerrainError> {
+/// Where the header of a PNG has the bits of a channel.
+const BITS_AT: usize = 24;
+
+/// A picture, and the bits of a channel in its file.
+fn open(path: &Path) -> Result<(image::DynamicImage, u8), TerrainError> {
     let shown = || path.display().to_string();
     let bad = |what: String| TerrainError::BadFile { path: shown(), what };
-    let file =
-        regular::open(path).map_err(|error| TerrainError::Unreadable { path: shown(), why: error.to_string() })?;
-    let decoder = image::codecs::png::PngDecoder::new(std::io::BufReader::new(file))
-        .map_err(|error| bad(format!("is no readable PNG: {error}")))?;
+    let unreadable = |error: std::io::Error| TerrainError::Unreadable { path: shown(), why: error.to_string() };
+    let mut file = std::io::BufReader::new(regular::open(path).map_err(unreadable)?);
+    // a file that ends before its header does has no zeros there that anybody gets to see: it is no PNG
+    let mut header = Vec::new();
+    file.by_ref().take(BITS_AT as u64 + 1).read_to_end(&mut header).map_err(unreadable)?;
+    header.resize(BITS_AT + 1, 0);
+    file.rewind().map_err(unreadable)?;
+    let decoder =
+        image::codecs::png::PngDecoder::new(file).map_err(|error| bad(format!("is no readable PNG: {error}")))?;
     let (columns, rows) = image::ImageDecoder::dimensions(&decoder);
     check_claim(columns.into(), rows.into()).map_err(bad)?;
-    image::DynamicImage::from_decoder(decoder).map_err(|error| bad(format!("is damaged: {error}")))
+    let image = image::DynamicImage::from_decoder(decoder).map_err(|error| bad(format!("is damaged: {error}")))?;
+    Ok((image, header[BITS_AT]))
 }
 
 const WATER: DVec3 = DVec3::new(0.22, 0.38, 0.52);

@@ -122,11 +122,11 @@ impl Heights {
         let found = match self.filter {
             Filter::Trilinear => {
                 // across a whole level the blend goes on where the one before ended: the difference to the next is enough
-                let slope = match off_level <= 1.0 {
-                    true => self.step_m(finer as u32, sample, off_cells),
+                let off_by_level = match off_level <= 1.0 {
+                    true => off_level * self.step_m(finer as u32, sample, off_cells),
                     false => self.range_m.1 - self.range_m.0,
                 };
-                (fine_m + (coarse_m - fine_m) * (level - finer), fine_off.max(coarse_off) + off_level * slope)
+                (fine_m + (coarse_m - fine_m) * (level - finer), fine_off.max(coarse_off) + off_by_level)
             }
             // the level jumps at whole numbers
             _ if (level - level.round()).abs() <= off_level && extent > 1.0 - off_extent => (fine_m, f64::INFINITY),

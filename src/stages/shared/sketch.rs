@@ -7,6 +7,7 @@ use crate::ground::Lattice;
 use crate::kernel::Elem;
 use crate::plan::{BufferId, Chain};
 use crate::reference::Values;
+use crate::stages::shared::rounding::EPSILON;
 
 /// Texels along a side of a sketch map, of which a stage needs heights and square.
 pub fn texels_of(chain: &Chain, heights: BufferId, square: BufferId) -> Result<u32, Diagnostic> {
@@ -50,6 +51,13 @@ impl Square {
     /// Samples along a side of a texel.
     pub fn texel_samples(&self) -> f64 {
         f64::from(self.side) / f64::from(self.texels)
+    }
+
+    /// The level of the pyramid that texels are as large as the nodes of, and its bound.
+    pub fn texel_level(&self) -> (f64, f64) {
+        let level = self.texel_samples().log2();
+        // as Vulkan allows log2, and a division
+        (level, if self.is_of_nodes() { 0.0 } else { 1e-6 + 8.0 * EPSILON * level.abs() })
     }
 
     /// Sample coordinates of the middle of a texel.

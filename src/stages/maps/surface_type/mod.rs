@@ -7,6 +7,7 @@ use crate::experiment::diagnostic::Diagnostic;
 use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::{Chain, Spread};
+use crate::scene::SURFACE_TYPE;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
@@ -27,7 +28,7 @@ pub struct SurfaceType {
     /// steeper ground is rock
     #[schemars(range(min = 0, max = 90))]
     rock_deg: f64,
-    /// higher ground is under snow, in metres; None is four fifths of the way from the lowest to the highest sample
+    /// higher ground is under snow, in metres; None is four fifths of the way from the lowest to the highest ground of the scene, octaves included
     snow_m: Option<f64>,
     /// ground that is not higher is under water, in metres; None is none
     water_m: Option<f64>,
@@ -53,7 +54,10 @@ impl Stage for SurfaceType {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let size = chain.lattice().size;
         let meaning = "what lies on the ground: water 0, rock 1, snow 2, meadow 3";
-        let types = chain.make_over("surface_type", Elem::U32, Spread::Samples, "", meaning);
+        let types = chain.make_over(SURFACE_TYPE, Elem::U32, Spread::Samples, "", meaning);
+        if chain.input(SURFACE_TYPE).is_some() {
+            chain.leave_out("the scene's map of surface types", "this stage makes another one", 0, 0);
+        }
         let snow_m = self.snow_m(chain.data.ground.range_m());
         let kernel = chain.kernel("maps/surface_type.wgsl")?;
         chain

@@ -32,7 +32,7 @@ pub struct DensityRatio {}
 
 impl Stage for DensityRatio {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let Demand { importance, places, vertex } = chain.latest::<Demand<BufferId>>()?;
+        let Demand { importance, places, vertex, .. } = chain.latest::<Demand<BufferId>>()?;
         let size = chain.grid_size(places, Elem::Vec2F32)?;
         let texels = chain.buffer(importance).dims[0];
         let meaning =

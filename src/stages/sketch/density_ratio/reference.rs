@@ -10,7 +10,7 @@ const LEAST: f64 = 1e-30;
 
 impl Reference for DensityRatio {
     fn reference(&self, _frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let Demand { importance, places, vertex } = buffers.latest()?;
+        let Demand { importance, places, vertex, .. } = buffers.latest()?;
         let [importance, places, vertex] = [importance, places, vertex].map(|id| buffers.values(id));
         let columns = places.dims[1];
         let cells = UVec2::new(columns, places.dims[0]) - 1;

@@ -14,9 +14,9 @@ use crate::stages::{Example, Info, Stage, read_as};
 pub const INFO: Info = Info {
     name: "ErrorDemand",
     summary: "how densely grid points would have to lie for the errors of a geometry image to be as large as is allowed; for the next frame's importance",
-    formula: "max over the cells that may touch a texel: (error / allowed)^(1 / order) / largest side; error / allowed = 1 / (1 - grid_error)",
+    formula: "max over the cells that may touch a texel: (error / allowed)^(1 / order) / largest side; error / allowed = 1 / (1 - grid_error), which is at least 1: `threshold_px` has to be below the errors",
     source: "ours; errors of grid points after Loeffler et al. 2009, Eq. 4",
-    writes: &["error_demand"],
+    writes: &["error_demand", "error_square"],
     needs: &[what::<Demand<()>>(), what::<PointErrors<()>>()],
     parameters: schema::<ErrorDemand>,
     read: read_as::<ErrorDemand>,
@@ -38,6 +38,7 @@ pub const INFO: Info = Info {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ErrorDemand {
+    // a cell may touch all texels, and the loops of a thread have 65535 turns
     /// texels along a side of the map
     #[schemars(range(min = 1, max = 255))]
     texels: u32,
@@ -54,20 +55,23 @@ impl Default for ErrorDemand {
 
 impl Stage for ErrorDemand {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
-        let Demand { places, vertex, .. } = chain.latest::<Demand<BufferId>>()?;
+        let Demand { places, vertex, square, .. } = chain.latest::<Demand<BufferId>>()?;
         let PointErrors { errors } = chain.latest::<PointErrors<BufferId>>()?;
         let size = chain.grid_size(places, Elem::Vec2F32)?;
         chain.check_kind(errors, Elem::F32, &[size.y, size.x])?;
         let dims = [self.texels; 2];
         let meaning = "grid points a metre that errors ask for";
         let demand = chain.make("error_demand", Elem::F32, &dims, "1/m", meaning);
+        let over =
+            chain.make("error_square", Elem::I32, &[4], "", "the square that it is over, as `sketch_square` has it");
         let painted = chain.make("painted", Elem::U32, &dims, "", "the largest so far, as the bits of an f32");
         [demand, painted].into_iter().for_each(|id| chain.set_spread(id, Spread::UnitSquare));
         let texels = UVec2::new(self.texels * self.texels, 1);
         self.step(chain, size, "begin")?.bind("painted", painted).over(texels)?;
         let paint = self.step(chain, size, "paint")?.bind("grid_point", places).bind("vertex", vertex);
         paint.bind("grid_error", errors).bind("painted", painted).over(size - 1)?;
-        self.step(chain, size, "finish")?.bind("painted", painted).bind("error_demand", demand).over(texels)
+        let finish = self.step(chain, size, "finish")?.bind("painted", painted).bind("error_demand", demand);
+        finish.bind("sketch_square", square).bind("error_square", over).over(texels)
     }
 }
 

@@ -10,7 +10,7 @@ const DENSEST: f64 = 1e30;
 
 impl Reference for ErrorDemand {
     fn reference(&self, _frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
-        let Demand { places, vertex, .. } = buffers.latest()?;
+        let Demand { places, vertex, square, .. } = buffers.latest()?;
         let PointErrors { errors } = buffers.latest()?;
         let image = Image {
             places: &buffers.values(places),
@@ -32,6 +32,7 @@ impl Reference for ErrorDemand {
             values.set(index, at, (most[index] - at).max(at - least[index]));
         }
         buffers.put("error_demand", values);
+        buffers.put("error_square", (*buffers.values(square)).clone());
         Ok(())
     }
 }

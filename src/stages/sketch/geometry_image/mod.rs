@@ -29,7 +29,7 @@ pub const INFO: Info = Info {
         )
         .in_benches(&[("SketchMap.texels", "128"), ("ViewGrid.size", "(512, 512)")]),
         Example::new(
-            "[HeightPyramid, SketchMap(texels: 7), ViewGrid(size: (7, 7)), GeometryImage(heights: SketchMap)]",
+            "[HeightPyramid, SketchMap(texels: 7, blend: 1), ViewGrid(size: (7, 7)), GeometryImage(heights: SketchMap)]",
         )
         .in_benches(&[("SketchMap.texels", "128"), ("ViewGrid.size", "(512, 512)")]),
     ],
@@ -100,7 +100,7 @@ impl Stage for GeometryImage {
         chain.offer(Mesh::Grid(Grid { vertex: vertices, cell_bound: None, promise: None }));
         // an importance of another square, or of something else, asked for nothing here
         if let Some(Wanted { importance, .. }) = chain.products().find(|wanted: &Wanted<_>| wanted.square == square) {
-            chain.offer(Demand { importance, places: points, vertex: vertices });
+            chain.offer(Demand { importance, places: points, vertex: vertices, square });
         }
         Ok(())
     }

@@ -6,6 +6,7 @@ use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::heights::Heights;
 use crate::stages::shared::octaves::{self, in_mesh};
 use crate::stages::shared::rounding::EPSILON;
+use crate::stages::shared::sketch::Square;
 
 impl Reference for GeometryImage {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
@@ -17,12 +18,12 @@ impl Reference for GeometryImage {
             Source::Atlas => HeightsOf::Atlas(Heights::new(frame, buffers, self.filter, self.max_level)?),
             Source::SketchMap => HeightsOf::Sketch(&sketch),
         };
-        let [column, row, side, level] = [0, 1, 2, 3].map(|at| square.value[at]);
+        let square = Square::of(&square, sketch.dims[0]);
         let image = Image {
             places: &buffers.values(points),
-            start: DVec2::new(column, row) - 0.5,
-            side,
-            level,
+            start: square.first.as_dvec2() - 0.5,
+            side: square.side.into(),
+            level: square.texel_level(),
             source,
             bias: self.bias,
         };
@@ -37,7 +38,7 @@ impl Reference for GeometryImage {
         buffers.offer(Mesh::Grid(Grid { vertex, cell_bound: None, promise: None }));
         let wanted = buffers.products().find(|wanted: &Wanted<_>| wanted.square == in_square);
         if let Some(Wanted { importance, .. }) = wanted {
-            buffers.offer(Demand { importance, places: points, vertex });
+            buffers.offer(Demand { importance, places: points, vertex, square: in_square });
         }
         Ok(())
     }
@@ -53,7 +54,8 @@ struct Image<'a> {
     /// Sample coordinates of the square's north-west corner, and samples along its sides.
     start: DVec2,
     side: f64,
-    level: f64,
+    /// Of the texels of the sketch map, and its bound.
+    level: (f64, f64),
     source: HeightsOf<'a>,
     bias: f64,
 }
@@ -82,7 +84,7 @@ impl Image<'_> {
             HeightsOf::Atlas(heights) => heights.at(sample, off_cells * lattice.cell_m.min_element(), extent),
             HeightsOf::Sketch(map) => {
                 let (place, off_place) = self.place(at);
-                [sketch_at(map, place, off_place), (self.level, 0.0)]
+                [sketch_at(map, place, off_place), self.level]
             }
         };
         let [added, split] = in_mesh(frame, self.bias, (sample, off_cells), extent);

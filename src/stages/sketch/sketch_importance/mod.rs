@@ -9,13 +9,14 @@ use crate::experiment::parameters::schema;
 use crate::kernel::Elem;
 use crate::plan::product::{Wanted, what};
 use crate::plan::{BufferId, Chain, Spread, StepBuilder};
+use crate::scene::SURFACE_TYPE;
 use crate::stages::shared::sketch::texels_of;
 use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
     name: "SketchImportance",
     summary: "importance of the texels of a sketch map: how many grid points a metre are wanted there",
-    formula: "I = max(min(Iv Sf Sb, Is), floor max I); Iv = focal_px / (quad_px d), Sf, Sb (and So) = 1 - smoothstep beside the picture, where ground faces away (and where it is hidden)",
+    formula: "I = max(min(Iv^(1 - error_share) Ie^error_share Sf Sb, Is), floor max I); Iv = focal_px / (quad_px d), Ie what `ErrorDemand` left, Sf, Sb (and So) = 1 - smoothstep beside the picture, where ground faces away (and where it is hidden)",
     source: "Dachsbacher, Stamminger 2004, section 3.1 (which writes Iv = C / d: there a larger C makes smaller quads)",
     reads: &["sketch_square", "sketch_height", "surface_type", "error_demand"],
     writes: &["importance", "importance_factors"],
@@ -37,7 +38,7 @@ pub const INFO: Info = Info {
         Example::new("[HeightPyramid, SketchMap(texels: 8), SketchImportance(frustum: false, densest_per_m: 0.002)]")
             .in_benches(&[("SketchMap.texels", "128")]),
         Example::new(
-            "[HeightPyramid, SketchMap(texels: 7), SurfaceType, SketchImportance(densest_of_types: (1e-4, 0.002, 1, 0.01))]",
+            "[HeightPyramid, SketchMap(texels: 7, blend: 1), SurfaceType, SketchImportance(densest_of_types: (1e-4, 0.002, 1, 0.01))]",
         )
         .in_benches(&[("SketchMap.texels", "128")]),
     ],
@@ -80,7 +81,7 @@ pub struct SketchImportance {
     #[schemars(extend("minimum" = 1e-12, "maximum" = 1e12))]
     densest_of_types: Option<(f64, f64, f64, f64)>,
     /// how far importance follows what the errors of the frame before ask for (`ErrorDemand`), instead of distance: 0 is not at all, as in the
-    /// paper, 1 is wholly
+    /// paper, 1 is wholly; a first frame has none to follow, and a path of one frame measures nothing of it
     #[schemars(range(min = 0, max = 1))]
     error_share: f64,
     /// least importance, as a share of the largest, beyond the terrain's border as well; with 0, as in the paper, what is out of the picture
@@ -132,13 +133,22 @@ fn slope(degrees: f64) -> f64 {
     degrees.to_radians().tan().max(1e-6)
 }
 
+/// The map of surface types: the scene's, or what a stage has made of the ground that there is.
+fn types_of(chain: &Chain, dims: &[u32]) -> Result<BufferId, Diagnostic> {
+    let found = chain.read(SURFACE_TYPE)?;
+    match chain.input(SURFACE_TYPE) == Some(found) {
+        true => chain.read_as(SURFACE_TYPE, Elem::U32, dims),
+        false => chain.read_of_ground(SURFACE_TYPE, Elem::U32, dims),
+    }
+}
+
 impl Stage for SketchImportance {
     fn plan(&self, chain: &mut Chain) -> Result<(), Diagnostic> {
         let (square, heights) = (chain.read("sketch_square")?, chain.read("sketch_height")?);
         let texels = texels_of(chain, heights, square)?;
         let samples = chain.lattice().size;
         let types = match self.densest_of_types {
-            Some(_) => Some(chain.read_as("surface_type", Elem::U32, &[samples.y, samples.x])?),
+            Some(_) => Some(types_of(chain, &[samples.y, samples.x])?),
             None => None,
         };
         let mut make = |name, elem, unit, meaning| {
@@ -147,7 +157,7 @@ impl Stage for SketchImportance {
             id
         };
         let importance = make("importance", Elem::F32, "1/m", "grid points a metre that are wanted");
-        let meaning = "what importance is made of: Iv by distance, Sf in the picture, Sb So facing the eye and not hidden, Is the most";
+        let meaning = "what importance is made of: Iv by distance (or errors), Sf in the picture, Sb So facing the eye and not hidden, Is the most";
         let factors = make("importance_factors", Elem::Vec4F32, "", meaning);
         chain.offer(Wanted { importance, square });
         let has_floor = self.floor > 0.0;
@@ -162,7 +172,7 @@ impl Stage for SketchImportance {
             .bind(self.step(chain, texels, "weigh")?)
             .bind_or_leave("largest", largest)
             .bind_or_leave("asked", asked.as_ref().map(|asked| asked.demand))
-            .bind_or_leave("asked_over", asked.as_ref().map(|asked| asked.over))
+            .bind_or_leave("asked_frame", asked.as_ref().map(|asked| asked.over))
             .bind("importance", importance)
             .bind_if_wanted("factors", factors, "WRITE_FACTORS")
             .over(UVec2::splat(texels))?;
@@ -199,17 +209,20 @@ impl SketchImportance {
         if self.error_share == 0.0 {
             return Ok(None);
         }
-        let origin = chain.origin().clone();
-        let demand = chain.last_frame("error_demand", Elem::F32, &origin);
-        let square = chain.last_frame("sketch_square", Elem::I32, &origin);
-        let meaning = "of each row of texels: points that distance wants, and errors";
-        let sums = chain.make("error_sums", Elem::Vec2F32, &[texels], "", meaning);
-        let meaning = "the square before: column and row, side, and points that distance wants over points that errors want, as bits";
-        let over = chain.make("asked_over", Elem::I32, &[4], "", meaning);
+        let demand = chain.last_frame_of_own("error_demand", Elem::F32);
+        let square = chain.last_frame_of_own("error_square", Elem::I32);
+        let meaning = "of each texel: importance by distance, and by errors";
+        let each = chain.make("error_sums", Elem::Vec2F32, &[texels; 2], "", meaning);
+        let sums = chain.make("error_row_sums", Elem::Vec2F32, &[texels], "", "sums of them by rows of texels");
+        let meaning =
+            "the square before: column and row, side, and importance by distance over importance by errors, as bits";
+        let over = chain.make("asked_frame", Elem::I32, &[4], "", meaning);
         let survey = ground.bind(self.step(chain, texels, "survey")?).bind("asked", demand);
-        survey.bind("asked_square", square).bind("row_sums", sums).over(UVec2::new(texels, 1))?;
+        survey.bind("asked_square", square).bind("texel_sums", each).over(UVec2::splat(texels))?;
+        let rows = self.step(chain, texels, "sum_rows")?.bind("texel_sums", each).bind("row_sums", sums);
+        rows.over(UVec2::new(texels, 1))?;
         let compare = self.step(chain, texels, "compare")?.bind("row_sums", sums).bind("asked_square", square);
-        compare.bind("asked_over_out", over).over(UVec2::ONE)?;
+        compare.bind("asked_frame_out", over).over(UVec2::ONE)?;
         Ok(Some(Asked { demand, over }))
     }
 

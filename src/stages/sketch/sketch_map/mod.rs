@@ -40,7 +40,7 @@ pub struct SketchMap {
     #[schemars(extend("exclusiveMinimum" = 0))]
     far_m: Option<f64>,
     /// share of a level's range over which the change to it is blended: the square grows with the view, and heights go from one level to the
-    /// other; 0 changes at once, 1 has the square always grow with the view
+    /// other; 0 changes at once, with 1 the square grows with the view over all of the range
     #[schemars(range(min = 0, max = 1))]
     blend: f64,
 }

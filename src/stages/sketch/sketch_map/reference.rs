@@ -58,10 +58,10 @@ fn between_nodes(square: Square, frame: &Frame, buffers: &Buffers) -> Result<Val
     let mut map = Values::missing(&[square.texels; 2], 1);
     for (y, x) in (0..square.texels).flat_map(|y| (0..square.texels).map(move |x| (y, x))) {
         let middle = square.middle(IVec2::new(x as i32, y as i32));
-        // the way of whole cells, half a texel by two operations and a division, their sum
-        let off_cells = EPSILON * (2.0 * (middle - eye).abs().max_element() + 8.0 * (samples + 1.0));
+        // the way of whole cells, half a texel by two operations and a division, their sum and one more
+        let off_cells = EPSILON * (4.0 * (middle - eye).abs().max_element() + 8.0 * (samples + 1.0));
         let off_m = off_cells * lattice.cell_m.min_element();
-        let [(height_m, off_height), _] = heights.at(middle, off_m, (samples, 4.0 * EPSILON * samples));
+        let [(height_m, off_height), _] = heights.at(middle, off_m, (samples, 8.0 * EPSILON * samples));
         map.set((y * square.texels + x) as usize, height_m, off_height);
     }
     Ok(map)

@@ -38,11 +38,11 @@ pub fn reference(
         let (low, high) = (blend(|range| range.0) - eye_m.z, blend(|range| range.1) - eye_m.z);
         // past a whole level the blend goes on where the one before ended
         let jump = |a: &(f64, f64, f64), b: &(f64, f64, f64)| (a.0 - b.0).abs().max((a.1 - b.1).abs());
-        let step_m = match off_level <= 1.0 {
-            true => jump(&fine, &coarse).max(jump(&coarse, &next)).max(jump(&before, &fine)),
+        let off_by_level = match off_level <= 1.0 {
+            true => off_level * jump(&fine, &coarse).max(jump(&coarse, &next)).max(jump(&before, &fine)),
             false => known.range_m.1 - known.range_m.0,
         };
-        let off_m = fine.2.max(coarse.2) + off_level * step_m + off[2] + 8.0 * EPSILON * (high - low).abs();
+        let off_m = fine.2.max(coarse.2) + off_by_level + off[2] + 8.0 * EPSILON * (high - low).abs();
         let delta_m = (high - point.z).max(point.z - low).max(0.0);
         let distance_m = point.length().max(1e-6);
         let rho_px = lambda * delta_m / distance_m;

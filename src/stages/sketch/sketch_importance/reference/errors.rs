@@ -13,21 +13,28 @@ const FARTHEST: f64 = 1024.0;
 /// A value and its bound.
 type Off = (f64, f64);
 
-/// Points a metre that errors asked for in the middle of each texel; nothing where the square of the frame before was not.
-pub fn asked(previous: &Buffers, square: Square) -> Result<Vec<Option<Off>>, Absent> {
+/// Points a metre that errors asked for in a texel.
+pub struct Asked {
+    value: Off,
+    /// The texel's middle is so near to the border of the square before that it may be beyond it, where nothing is known.
+    is_open: bool,
+}
+
+/// What errors asked for in the middle of each texel; nothing where the square of the frame before was not.
+pub fn asked(previous: &Buffers, square: Square) -> Result<Vec<Option<Asked>>, Absent> {
     let demand = previous.get("error_demand")?;
-    let before = Square::of(&*previous.get("sketch_square")?, square.texels);
+    let before = Square::of(&*previous.get("error_square")?, square.texels);
     let texels = square.texels as i32;
     let places = (0..texels).flat_map(|y| (0..texels).map(move |x| IVec2::new(x, y)));
-    Ok(places.map(|texel| asked_at(&demand, before, square.middle(texel))).collect())
+    Ok(places.map(|texel| asked_at(&demand, before, (square.middle(texel), square.texel_samples()))).collect())
 }
 
 /// Bilinear between the texels of the map of what was asked for.
-fn asked_at(demand: &Values, before: Square, sample: DVec2) -> Option<Off> {
+fn asked_at(demand: &Values, before: Square, (sample, texel_samples): (DVec2, f64)) -> Option<Asked> {
     let cells = sample - before.first.as_dvec2() + 0.5;
     let side = f64::from(before.side);
-    // a half may be rounded, a sum, and what is next to the border may be beyond it
-    let off_cells = 4.0 * EPSILON * (cells.abs().max_element() + 1.0);
+    // half a texel by two operations and a division, and a sum
+    let off_cells = EPSILON * (8.0 * texel_samples + 2.0 * cells.abs().max_element());
     let inside = cells.min(DVec2::splat(side) - cells).min_element();
     if inside < -off_cells {
         return None;
@@ -52,50 +59,58 @@ fn asked_at(demand: &Values, before: Square, sample: DVec2) -> Option<Off> {
         (least.min(value), most.max(value), bound.max(off))
     });
     let bound = bound + 2.0 * (most - least) * off.min(1.0) + 8.0 * EPSILON * most;
-    (value > 0.0 || bound > 0.0).then_some((value, if inside < off_cells { f64::INFINITY } else { bound }))
+    (value > 0.0 || bound > 0.0).then_some(Asked { value: (value, bound), is_open: inside < off_cells })
 }
 
-/// Lets the first of each texel's factors follow errors by a share; what they ask for in all is what distance does.
-pub fn follow(share: f64, factors: &mut [[Off; 4]], asked: &[Option<Off>]) {
+/// Lets the first of each texel's factors follow errors by a share; in all, they ask for as much importance as distance does.
+pub fn follow(share: f64, factors: &mut [[Off; 4]], asked: &[Option<Asked>]) {
     let Some(scale) = scale(factors, asked) else { return };
     for (factors, asked) in factors.iter_mut().zip(asked) {
         let (Some(asked), (distance, off_distance)) = (asked, factors[0]) else { continue };
         if distance <= 0.0 {
             continue;
         }
-        let (by_errors, off_errors) = product(scale, *asked);
+        let (by_errors, off_errors) = product(scale, asked.value);
         let times = |by_errors: f64, distance: f64| (by_errors / distance).clamp(1.0 / FARTHEST, FARTHEST).powf(share);
         let at = times(by_errors, distance) * distance;
         // more is asked for where errors ask for more, and where distance does
-        let (low, high) = (distance - off_distance, distance + off_distance);
-        let least = times((by_errors - off_errors).max(0.0), high) * low;
-        let most = times(by_errors + off_errors, low) * high;
-        let rounding = share * 8.0 * EPSILON + power(FARTHEST, share) + 4.0 * EPSILON;
-        // what is next to nothing may be nothing, and then distance decides
-        let is_open = by_errors <= off_errors || !most.is_finite();
-        factors[0] = (at, if is_open { f64::INFINITY } else { (most - at).max(at - least) + rounding * at });
+        let (low, high) = ((distance - off_distance).max(f64::MIN_POSITIVE), distance + off_distance);
+        let mut least = times((by_errors - off_errors).max(0.0), high) * low;
+        let mut most = times(by_errors + off_errors, low) * high;
+        // what may be unknown, or nothing, leaves it to distance
+        if asked.is_open || by_errors <= off_errors {
+            (least, most) = (least.min(low), most.max(high));
+        }
+        let rounding = power(FARTHEST, share) + 12.0 * EPSILON;
+        let off = (most - at).max(at - least) + rounding * most;
+        factors[0] = (at, if off.is_finite() { off } else { f64::INFINITY });
     }
 }
 
-/// Points that distance wants over points that errors want, where both are known.
-fn scale(factors: &[[Off; 4]], asked: &[Option<Off>]) -> Option<Off> {
+/// All importance by distance over all importance by errors, where both are known.
+fn scale(factors: &[[Off; 4]], asked: &[Option<Asked>]) -> Option<Off> {
     let (mut distance, mut errors) = ((0.0, 0.0), (0.0, 0.0));
     for (factors, asked) in factors.iter().zip(asked) {
         let Some(asked) = asked else { continue };
         if factors[0].0 > 0.0 {
             let seen = product(factors[1], factors[2]);
-            let add = |sum: &mut Off, (value, off): Off| *sum = (sum.0 + value, sum.1 + off);
+            // what may not count at all is off by all of it
+            let add = |sum: &mut Off, (value, off): Off| {
+                *sum = (sum.0 + value, sum.1 + if asked.is_open { value + off } else { off });
+            };
             add(&mut distance, product(factors[0], seen));
-            add(&mut errors, product(*asked, seen));
+            add(&mut errors, product(asked.value, seen));
         }
     }
     if errors.0 <= 0.0 {
         return None;
     }
     // each sum of a row and of rows is rounded as often as there are texels along a side, twice
-    let rounding = 4.0 * EPSILON * (factors.len() as f64).sqrt();
-    let relative = distance.1 / distance.0.max(f64::MIN_POSITIVE) + errors.1 / errors.0 + rounding + 8.0 * EPSILON;
+    let rounding = 4.0 * EPSILON * (factors.len() as f64).sqrt() + 8.0 * EPSILON;
     let value = distance.0 / errors.0;
-    // far from what it is, anything is possible
-    Some((value, if relative < 0.5 { 2.0 * relative * value } else { f64::INFINITY }))
+    let most = (distance.0 + distance.1) / (errors.0 - errors.1);
+    let least = (distance.0 - distance.1).max(0.0) / (errors.0 + errors.1);
+    let off = (most - value).max(value - least) + 2.0 * rounding * most;
+    // where all errors may be nothing, anything is possible
+    Some((value, if errors.1 < errors.0 { off } else { f64::INFINITY }))
 }

@@ -9,8 +9,8 @@ use crate::reference::{Absent, Buffers, Frame, Reference, Values};
 use crate::stages::shared::rounding::EPSILON;
 use crate::stages::shared::sketch::Square;
 
-/// Places along a texel that are asked for their surface type; `ASKED` of the kernel.
-const ASKED: i32 = 4;
+/// Places along a texel that are asked for their surface type; `PLACES` of the kernel.
+const PLACES: i32 = 4;
 
 impl Reference for SketchImportance {
     fn reference(&self, frame: &Frame, buffers: &mut Buffers) -> Result<(), Absent> {
@@ -159,15 +159,15 @@ impl SketchImportance {
     fn densest_at(&self, map: &Map, texel: IVec2) -> (f64, f64) {
         let Some(types) = map.types else { return (self.densest(), EPSILON * self.densest()) };
         let (lattice, of_types) = (map.frame.lattice(), self.densest_of());
-        let places = (0..ASKED * ASKED).map(|at| IVec2::new(at % ASKED, at / ASKED));
+        let places = (0..PLACES * PLACES).map(|at| IVec2::new(at % PLACES, at / PLACES));
         let densest = |place: IVec2| {
-            let sample = map.square.sample(texel, place, ASKED).clamp(IVec2::ZERO, lattice.last().as_ivec2());
+            let sample = map.square.sample(texel, place, PLACES).clamp(IVec2::ZERO, lattice.last().as_ivec2());
             let at = (sample.y as u32 * lattice.size.x + sample.x as u32) as usize;
             let densest = of_types.get(types.value[at] as usize).copied().unwrap_or(self.densest());
             (densest, types.bound[at])
         };
         let (sum, off) = places.map(densest).fold((0.0, 0.0), |sum, (densest, off)| (sum.0 + densest, sum.1 + off));
-        let mean = sum / f64::from(ASKED * ASKED);
+        let mean = sum / f64::from(PLACES * PLACES);
         // what is no number of a type for sure may be of any
         (mean, if off > 0.0 { f64::INFINITY } else { 40.0 * EPSILON * mean })
     }
