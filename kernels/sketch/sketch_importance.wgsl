@@ -1,7 +1,8 @@
 //!include lib/sketch.wgsl
 //!include lib/view.wgsl
 // Importance of the texels of a sketch map: how many grid points a metre are wanted there (Dachsbacher, Stamminger 2004, section 3.1),
-// I = min(Iv Sf Sb, Is); beyond the paper also by what the sketch map hides, So.
+// I = min(Iv Sf Sb, Is). Beyond the paper, So takes away what the sketch map hides, and Iv may follow what the errors of the frame before asked
+// for.
 
 struct Params {
     terrain: Terrain,

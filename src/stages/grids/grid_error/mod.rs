@@ -15,7 +15,7 @@ use crate::stages::{Example, Info, Stage, read_as};
 
 pub const INFO: Info = Info {
     name: "GridError",
-    summary: "the error of a projected grid: estimated at its points (Paper, Estimate), or bounded with the grid raised above the surface (Proven)",
+    summary: "the error of a projected grid or a geometry image: estimated at its points (Paper, Estimate), or bounded with the grid raised above the surface (Proven)",
     formula: "delta = max(h_max - h_avg, h_avg - h_min); rho = lambda delta / |p - e|; error = 0 if rho < gamma, else 1 - gamma / rho",
     source: "Loeffler et al. 2009, Eq. 2, 3, 4 and the displacement by the maximum; Proven is ours: docs/proven_bound.md",
     reads: &["height_plane", "plane_slope"],
