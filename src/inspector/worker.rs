@@ -146,9 +146,9 @@ fn work(gpu: &Arc<Gpu>, sent: &Receiver<Sent>, tell: &Sender<Told>, stop: &Atomi
             return;
         }
         stop.store(false, Ordering::Relaxed);
+        // while somebody waits, the window draws often enough to show this without being woken up
         let note = |what: String, share: Option<f32>| {
             let _ = progress.lock().unwrap_or_else(PoisonError::into_inner).send(Told::Working { what, share });
-            wake();
         };
         let work = Work { tell: &note, stop };
         if let Some(side) = Side::BOTH.into_iter().find(|side| todo.wishes[*side as usize].is_some()) {

@@ -1,5 +1,8 @@
 //! Every parameter of the scene and of every stage and measure, with its default, its range and its meaning: all from where the registry has them.
 
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
 use egui::{Color32, ComboBox, DragValue, RichText, ScrollArea, Ui};
 
 use crate::experiment::diagnostic::Diagnostic;
@@ -15,7 +18,10 @@ pub struct ParametersPane {
     pub side: Side,
     /// Texts that are being written, by path.
     #[serde(skip)]
-    written: std::collections::BTreeMap<String, String>,
+    written: BTreeMap<String, String>,
+    /// What the registries say, by stage, part of the scene and measure: made once, since the window is drawn again and again.
+    #[serde(skip)]
+    described: BTreeMap<String, Rc<[Parameter]>>,
     save_as: String,
 }
 
@@ -23,7 +29,7 @@ pub struct ParametersPane {
 struct Group<'a> {
     title: String,
     path: String,
-    parameters: Vec<Parameter>,
+    parameters: Rc<[Parameter]>,
     node: Option<&'a Node>,
 }
 
@@ -46,13 +52,13 @@ impl ParametersPane {
             ui.weak("what is shown is what was right before");
         }
         ScrollArea::both().id_salt("parameters").auto_shrink(false).show(ui, |ui| {
-            for group in groups(&shown) {
+            for group in self.groups(&shown) {
                 if group.parameters.is_empty() {
                     continue;
                 }
                 egui::CollapsingHeader::new(&group.title).id_salt(&group.path).default_open(true).show(ui, |ui| {
                     egui::Grid::new(("parameters", &group.path)).num_columns(3).show(ui, |ui| {
-                        for parameter in &group.parameters {
+                        for parameter in group.parameters.iter() {
                             self.parameter(ui, desk, &shown, &group, parameter);
                             ui.end_row();
                             let path = path_of(&shown, &format!("{}.{}", group.path, parameter.name));
@@ -178,6 +184,43 @@ impl ParametersPane {
         }
     }
 
+    fn groups<'a>(&mut self, shown: &'a Shown) -> Vec<Group<'a>> {
+        let cell = &shown.prepared.cell;
+        let mut groups = Vec::new();
+        for (at, call) in cell.stages.iter().enumerate() {
+            let number = cell.stages[..=at].iter().filter(|other| other.name == call.name).count();
+            let title = if number == 1 { call.name.clone() } else { format!("{}#{number}", call.name) };
+            let path = format!("{}.{title}", cell.chain);
+            let parameters = self.described(&call.name, || {
+                stages::find(&call.name).map(|entry| describe(&(entry.info.parameters)())).unwrap_or_default()
+            });
+            groups.push(Group { title, path, parameters, node: Some(&call.node) });
+        }
+        for (part, node) in scene::parts(&cell.scene_node) {
+            let title = format!("{} {}", part.path, part.name);
+            let parameters = self.described(&title, || own_parameters(part));
+            groups.push(Group { title, path: part.path.into(), parameters, node });
+        }
+        for call in &cell.measures {
+            let path = format!("measure.{}", call.name);
+            let parameters = self.described(&path, || {
+                let info = measure::REGISTRY.iter().find(|info| info.name == call.name);
+                info.map(|info| describe(&(info.parameters)())).unwrap_or_default()
+            });
+            groups.push(Group { title: format!("measure {}", call.name), path, parameters, node: Some(&call.node) });
+        }
+        groups
+    }
+
+    fn described(&mut self, of: &str, describe: impl FnOnce() -> Vec<Parameter>) -> Rc<[Parameter]> {
+        if let Some(known) = self.described.get(of) {
+            return known.clone();
+        }
+        let described: Rc<[Parameter]> = describe().into();
+        self.described.insert(of.to_string(), described.clone());
+        described
+    }
+
     /// RON by hand, taken over by enter.
     fn text(&mut self, ui: &mut Ui, (path, label): (&str, egui::Id), value: &str) -> Option<String> {
         let text = self.written.entry(path.to_string()).or_insert_with(|| value.to_string());
@@ -196,43 +239,16 @@ fn is_about(error: &Diagnostic, path: &str) -> bool {
     error.labels.first().is_some_and(|(origin, _)| origin.source.text.split('=').next() == Some(path))
 }
 
+/// The parameters of a part of the scene; the scene's own parts have groups of their own.
+fn own_parameters(part: &scene::Part) -> Vec<Parameter> {
+    let is_part = |name: &str| scene::PARTS.iter().any(|part| part.path.strip_prefix("scene.") == Some(name));
+    let all = describe(&(part.parameters)()).into_iter();
+    all.filter(|parameter| part.path != "scene" || !is_part(&parameter.name)).collect()
+}
+
 /// The path that a change has: that of the axis which varies it, if there is one.
 fn path_of(shown: &Shown, path: &str) -> String {
     let chain = &shown.wish.cell.chain;
     let chain = if chain.is_empty() { &shown.prepared.cell.chain } else { chain };
     shown.experiment.axis_over(chain, path).unwrap_or(path).to_string()
-}
-
-fn groups(shown: &Shown) -> Vec<Group<'_>> {
-    let cell = &shown.prepared.cell;
-    let mut groups = Vec::new();
-    for (at, call) in cell.stages.iter().enumerate() {
-        let number = cell.stages[..=at].iter().filter(|other| other.name == call.name).count();
-        let name = if number == 1 { call.name.clone() } else { format!("{}#{number}", call.name) };
-        let parameters = stages::find(&call.name).map(|entry| describe(&(entry.info.parameters)())).unwrap_or_default();
-        let path = format!("{}.{name}", cell.chain);
-        groups.push(Group { title: name, path, parameters, node: Some(&call.node) });
-    }
-    for (part, node) in scene::parts(&cell.scene_node) {
-        let is_part = |name: &str| scene::PARTS.iter().any(|part| part.path.strip_prefix("scene.") == Some(name));
-        let parameters = describe(&(part.parameters)());
-        // the scene's own parts have groups of their own
-        let parameters = match part.path {
-            "scene" => parameters.into_iter().filter(|parameter| !is_part(&parameter.name)).collect(),
-            _ => parameters,
-        };
-        let title = format!("{} {}", part.path, part.name);
-        groups.push(Group { title, path: part.path.into(), parameters, node });
-    }
-    for call in &cell.measures {
-        let info = measure::REGISTRY.iter().find(|info| info.name == call.name);
-        let parameters = info.map(|info| describe(&(info.parameters)())).unwrap_or_default();
-        groups.push(Group {
-            title: format!("measure {}", call.name),
-            path: format!("measure.{}", call.name),
-            parameters,
-            node: Some(&call.node),
-        });
-    }
-    groups
 }
