@@ -399,3 +399,24 @@ fn a_path_longer_than_what_is_packed() {
     }
     assert!(executor.frame(700).is_err());
 }
+
+/// A frame whose parameters go to the device alone is the frame whose parameters were packed ahead, in a row and after a jump.
+#[test]
+fn a_frame_of_the_path_by_itself() {
+    let gpu = gpu();
+    for chain in [GRID, TREE] {
+        let setup = setup(PATH, chain, Keep::Last);
+        let mut packed = setup.executor(&gpu).unwrap();
+        let mut single = setup.executor(&gpu).unwrap();
+        for frame in [0, 1, 2, 2, 5, 3, 4] {
+            packed.frame(frame).unwrap();
+            single.begin_single_path_frame(frame).unwrap();
+            single.submit_frame().unwrap();
+            match chain {
+                TREE => assert!(leaves(&single) == leaves(&packed), "{chain}, frame {frame}"),
+                _ => assert!(outputs(&single) == outputs(&packed), "{chain}, frame {frame}"),
+            }
+        }
+        assert!(single.begin_single_path_frame(6).is_err(), "the path has six frames");
+    }
+}

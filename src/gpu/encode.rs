@@ -4,12 +4,12 @@ use super::GpuError;
 use super::cache::Pipeline;
 use super::execute::Executor;
 use super::memory::Place;
-use crate::plan::{BufferId, How, Life, Often, Run, Step, Vertices, Work};
+use crate::plan::{BufferId, How, Life, Run, Step, Vertices, Work};
 
 impl Executor {
-    /// The steps that run once, uploads included.
+    /// The steps that run once, uploads included, but for those whose results were there before.
     pub fn encode_setup(&self, encoder: &mut wgpu::CommandEncoder) -> Result<(), GpuError> {
-        self.encode_steps(encoder, &self.steps_of(Often::Once))
+        self.encode_steps(encoder, &self.steps_to_set_up())
     }
 
     /// The steps of the frame that was begun, taps included.

@@ -10,7 +10,8 @@ use super::parameters::{Parameters, Slot};
 use super::stamps::Stamps;
 use super::{Gpu, GpuError};
 use crate::frame::FrameInput;
-use crate::plan::{BufferId, Life, Often, Plan, Step, Work};
+use crate::plan::once::{self, Shared};
+use crate::plan::{BufferId, Life, Often, Plan, Step};
 use crate::scene::SceneData;
 
 /// Which of the two buffers of each pair is the new one. It changes with every frame.
@@ -50,8 +51,10 @@ pub struct Executor {
     pub(super) stamps: Option<Stamps>,
     parameters: Parameters,
     now: Now,
-    /// Inputs that were on the device before.
-    uploaded: BTreeSet<BufferId>,
+    /// Steps whose results were on the device before.
+    done: BTreeSet<usize>,
+    /// Somebody has put other contents into a buffer than its steps make.
+    pub(super) is_altered: bool,
     /// Time it took to make buffers and pipelines.
     pub prepare_ms: f64,
 }
@@ -85,7 +88,7 @@ impl Executor {
     }
 
     /// The same while the device still works on something else; nothing is known of how long it took. What the executor before it has of
-    /// the scene is not uploaded again.
+    /// the scene, and has made of that once and for all, is not made again.
     pub fn without_waiting(
         gpu: &Arc<Gpu>,
         plan: &Arc<Plan>,
@@ -93,11 +96,10 @@ impl Executor {
         before: Option<&Executor>,
     ) -> Result<Self, GpuError> {
         gpu.check_plan(plan)?;
-        let inputs = before.map_or_else(BTreeMap::new, |before| before.inputs_for(plan, data));
-        let uploaded = inputs.keys().copied().collect();
+        let (known, done) = before.map(|before| before.known_for(plan, data)).unwrap_or_default();
         let unused = |label: &str| make_buffer(gpu, label, 64, wgpu::BufferUsages::STORAGE);
         let memory = Memory {
-            places: make_places(gpu, plan, inputs)?,
+            places: make_places(gpu, plan, known)?,
             unused: [unused("left out of reading")?, unused("left out of writing")?],
             // the default is nearest and clamped to the edge
             nearest: gpu.device.create_sampler(&wgpu::SamplerDescriptor::default()),
@@ -119,7 +121,7 @@ impl Executor {
         };
         let prepare_ms = f64::NAN;
         let (gpu, plan, data) = (gpu.clone(), plan.clone(), data.clone());
-        Ok(Self { gpu, plan, data, memory, prepared, stamps, parameters, now, uploaded, prepare_ms })
+        Ok(Self { gpu, plan, data, memory, prepared, stamps, parameters, now, done, is_altered: false, prepare_ms })
     }
 
     pub fn plan(&self) -> &Arc<Plan> {
@@ -136,6 +138,15 @@ impl Executor {
 
     /// Begins a frame of the path: from now on its steps can be encoded. A frame that does not come after the one before is a cut.
     pub fn begin_path_frame(&mut self, frame: usize) -> Result<(), GpuError> {
+        self.begin_of_path(frame, true)
+    }
+
+    /// The same for a frame that nobody times: nothing is packed ahead for those after it, and nothing is waited for.
+    pub fn begin_single_path_frame(&mut self, frame: usize) -> Result<(), GpuError> {
+        self.begin_of_path(frame, false)
+    }
+
+    fn begin_of_path(&mut self, frame: usize, packs_ahead: bool) -> Result<(), GpuError> {
         let Some(input) = FrameInput::of_path(&self.data, frame) else {
             return Err(GpuError::Plan(format!("there is no frame {frame} on the path")));
         };
@@ -146,7 +157,8 @@ impl Executor {
                 let input = FrameInput { is_cut, ..input };
                 self.parameters.live(&self.gpu, &input)
             }
-            false => self.parameters.of_path(&self.gpu, &self.data, frame)?,
+            false if packs_ahead => self.parameters.of_path(&self.gpu, &self.data, frame)?,
+            false => self.parameters.live(&self.gpu, &input),
         };
         let told_otherwise = self.now.is_cut && self.parameters.tells_cuts();
         let follows = !is_cut && !told_otherwise && before.is_some_and(|before| before + 1 == frame);
@@ -192,6 +204,11 @@ impl Executor {
         Some(self.parameters.offset(uniform, self.now.slot))
     }
 
+    /// The steps that run once and are not done.
+    pub(super) fn steps_to_set_up(&self) -> Vec<usize> {
+        self.steps_of(Often::Once).into_iter().filter(|at| !self.done.contains(at)).collect()
+    }
+
     pub(super) fn steps_of(&self, often: Often) -> Vec<usize> {
         (0..self.plan.steps.len()).filter(|&at| self.plan.steps[at].often == often).collect()
     }
@@ -206,30 +223,23 @@ impl Executor {
         self.steps_of(Often::EveryFrame).into_iter().filter(runs).collect()
     }
 
-    /// The inputs of another plan that are here with the same contents: no step but their upload writes them.
-    fn inputs_for(&self, plan: &Plan, data: &SceneData) -> BTreeMap<BufferId, Place> {
-        let is_only_uploaded = |id: &BufferId| {
-            self.plan.steps.iter().all(|step| matches!(step.work, Work::Upload(_)) || !step.writes.contains(id))
+    /// What is here of what another plan wants, and its steps that are done with it.
+    fn known_for(&self, plan: &Plan, data: &SceneData) -> (BTreeMap<BufferId, Place>, BTreeSet<usize>) {
+        if self.is_altered {
+            return Default::default();
+        }
+        let Shared { buffers, mut steps } = once::shared((&self.plan, &self.data), (plan, data));
+        let place = |(new, old): (BufferId, BufferId)| {
+            let place = self.memory.places[old.0].as_ref()?;
+            place.binds_as(plan.bound_as(new)).then(|| (new, place.clone()))
         };
-        let same = |id: BufferId| {
-            let name = &plan.buffer(id).name;
-            let (own, other) = (self.data.input(name)?.bytes(), data.input(name)?.bytes());
-            let known = self
-                .plan
-                .inputs()
-                .into_iter()
-                .find(|own| self.plan.buffer(*own).name == *name)
-                .filter(is_only_uploaded)?;
-            let place = self.memory.places[known.0].as_ref().filter(|_| std::ptr::eq(own, other))?;
-            Some((id, place.input_for(plan.bound_as(id))?))
-        };
-        plan.inputs().into_iter().filter_map(same).collect()
+        let known: BTreeMap<BufferId, Place> = buffers.into_iter().filter_map(place).collect();
+        // an input in another form has to come again
+        steps.retain(|at| plan.steps[*at].writes.iter().all(|id| known.contains_key(id)));
+        (known, steps)
     }
 
     pub(super) fn upload(&self, id: BufferId) -> Result<(), GpuError> {
-        if self.uploaded.contains(&id) {
-            return Ok(());
-        }
         let name = &self.plan.buffer(id).name;
         let input = self.data.input(name);
         let (Some(input), Some(place)) = (input, &self.memory.places[id.0]) else {

@@ -104,7 +104,8 @@ impl Executor {
     }
 
     /// Puts other contents into a buffer that a step has made.
-    pub fn replace(&self, id: BufferId, bytes: &[u8]) -> Result<(), GpuError> {
+    pub fn replace(&mut self, id: BufferId, bytes: &[u8]) -> Result<(), GpuError> {
+        self.is_altered = true;
         let place = self.memory.place(&self.plan, id, self.half());
         let Some(array) = place.and_then(Place::array) else {
             let name = &self.plan.buffer(id).name;

@@ -17,6 +17,7 @@ pub fn colour(elem: Elem) -> wgpu::TextureFormat {
 pub const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
 /// Where a buffer of the plan lives.
+#[derive(Clone)]
 pub enum Place {
     Buffer(wgpu::Buffer),
     Target {
@@ -48,19 +49,20 @@ impl Place {
         }
     }
 
-    /// The same input for another plan, if it binds it in no other forms.
-    pub fn input_for(&self, (is_array, is_image): (bool, bool)) -> Option<Place> {
-        let Place::Input { array, image } = self else { return None };
-        let has_all = (array.is_some() || !is_array) && (image.is_some() || !is_image);
-        has_all.then(|| Place::Input { array: array.clone(), image: image.clone() })
+    /// Whether another plan can bind it as it does: only an input has more than one form.
+    pub fn binds_as(&self, (is_array, is_image): (bool, bool)) -> bool {
+        match self {
+            Place::Input { array, image } => (array.is_some() || !is_array) && (image.is_some() || !is_image),
+            Place::Buffer(_) | Place::Target { .. } => true,
+        }
     }
 }
 
-/// Makes the buffers and images of a plan, but for inputs that are there already.
+/// Makes the buffers and images of a plan, but for those that are there already.
 pub fn make_places(
     gpu: &Gpu,
     plan: &Plan,
-    mut inputs: BTreeMap<BufferId, Place>,
+    mut known: BTreeMap<BufferId, Place>,
 ) -> Result<Vec<Option<Place>>, GpuError> {
     use wgpu::BufferUsages as Usage;
     let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST | Usage::INDIRECT;
@@ -69,7 +71,7 @@ pub fn make_places(
     let slots: Vec<wgpu::Buffer> = slots.collect::<Result<_, _>>()?;
     let place = |(at, buffer): (usize, &crate::plan::Buffer)| match (buffer.lifetime, buffer.storage, buffer.slot) {
         (None, _, _) => Ok(None),
-        (_, Storage::Input, _) if inputs.contains_key(&BufferId(at)) => Ok(inputs.remove(&BufferId(at))),
+        _ if known.contains_key(&BufferId(at)) => Ok(known.remove(&BufferId(at))),
         (_, Storage::Input, _) => {
             let (is_array, is_image) = plan.bound_as(BufferId(at));
             let array = is_array.then(|| make_buffer(gpu, &buffer.name, buffer.bytes(), usage)).transpose()?;

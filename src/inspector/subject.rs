@@ -379,7 +379,7 @@ impl Made {
                 let share = (at - first) as f32 / (frame - first) as f32;
                 (work.tell)(format!("frame {at} of {frame}, since the chain remembers"), Some(share));
             }
-            self.executor.begin_path_frame(at)?;
+            self.executor.begin_single_path_frame(at)?;
             let camera = self.prepared.data.cameras()[at];
             self.carry_out(&camera, in_f64 && at == frame, work)?;
             self.at = Some(at);

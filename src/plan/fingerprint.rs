@@ -15,7 +15,7 @@ use crate::scene::{SceneData, Views};
 impl Plan {
     /// Kernel texts, entry points, constants, cameras and parameters, sizes, and what is read back, in 32 hexadecimal digits.
     pub fn fingerprint(&self, data: &SceneData) -> String {
-        let mut digest = Digest { hasher: Hasher::new(), numbers: BTreeMap::new() };
+        let mut digest = Digest::default();
         digest.plan(self);
         digest.frames(self, data);
         digest.hasher.finalize().to_hex().as_str()[..32].to_string()
@@ -35,20 +35,36 @@ impl Plan {
     }
 }
 
-struct Digest {
+#[derive(Default)]
+pub(super) struct Digest {
     hasher: Hasher,
     /// Buffers in the order in which they are first met: one that nothing touches changes no number.
     numbers: BTreeMap<BufferId, u64>,
 }
 
 impl Digest {
-    fn number(&mut self, number: u64) {
+    pub fn number(&mut self, number: u64) {
         self.hasher.update(&number.to_le_bytes());
     }
 
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        self.number(bytes.len() as u64);
+        self.hasher.update(bytes);
+    }
+
+    /// The buffers that were met, in the order in which they were.
+    pub fn buffers(&self) -> Vec<BufferId> {
+        let mut met: Vec<BufferId> = self.numbers.keys().copied().collect();
+        met.sort_by_key(|id| self.numbers[id]);
+        met
+    }
+
+    pub fn finish(self) -> [u8; 32] {
+        *self.hasher.finalize().as_bytes()
+    }
+
     fn text(&mut self, text: &str) {
-        self.number(text.len() as u64);
-        self.hasher.update(text.as_bytes());
+        self.bytes(text.as_bytes());
     }
 
     fn plan(&mut self, plan: &Plan) {
@@ -113,7 +129,7 @@ impl Digest {
         self.number(buffer.slot.map_or(0, |slot| slot as u64 + 1));
     }
 
-    fn step(&mut self, plan: &Plan, step: &Step) {
+    pub fn step(&mut self, plan: &Plan, step: &Step) {
         self.number(step.often as u64);
         match &step.work {
             Work::Run(run) => self.run(plan, run),
@@ -166,7 +182,7 @@ impl Digest {
         }
     }
 
-    fn value(&mut self, value: &Value) {
+    pub fn value(&mut self, value: &Value) {
         // the type is the kernel's own, of which the text is hashed
         self.hasher.update(bytemuck::cast_slice(value.words()));
     }

@@ -9,6 +9,7 @@ mod explain;
 mod fingerprint;
 mod ground;
 mod history;
+pub mod once;
 pub mod product;
 mod prune;
 mod reuse;
