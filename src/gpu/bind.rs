@@ -76,6 +76,7 @@ impl Binder<'_> {
                 fragment: fragment.into(),
                 topology: if is_strip { Topology::Strip } else { Topology::Triangles },
                 target: colour(self.plan.buffer(target).elem),
+                has_depth: true,
             }),
         };
         Ok(Prepared { pipeline: self.gpu.pipeline(&step.label, &run.kernel, key)?, groups, uniform })

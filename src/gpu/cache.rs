@@ -32,6 +32,8 @@ pub struct DrawKey {
     pub fragment: String,
     pub topology: Topology,
     pub target: wgpu::TextureFormat,
+    /// The nearest is kept, of whatever is drawn.
+    pub has_depth: bool,
 }
 
 /// What the vertices of a draw make.
@@ -151,7 +153,7 @@ fn make_pipeline(
             },
             ..Default::default()
         },
-        depth_stencil: Some(wgpu::DepthStencilState {
+        depth_stencil: draw.has_depth.then(|| wgpu::DepthStencilState {
             format: super::memory::DEPTH,
             depth_write_enabled: Some(true),
             // reversed depth: nearer is larger

@@ -2,16 +2,16 @@
 
 use glam::{DVec3, UVec2};
 
-use super::cache::{Pipeline, Topology};
+use super::cache::{DrawKey, Pipeline, Topology};
 use super::memory::{self, make_buffer};
-use super::tool::Tool;
+use super::tool::{Ready, Tool};
 use super::{Gpu, GpuError, Held, readback};
 use crate::kernel::Value;
 use crate::look::scale::Scaled;
 use crate::look::{Channel, Colours, Projection};
 
 /// The kernels that show what others have made.
-pub const KERNELS: [&str; 3] = ["looks/image.wgsl", "looks/mesh.wgsl", "looks/statistics.wgsl"];
+pub const KERNELS: [&str; 4] = ["looks/canvas.wgsl", "looks/image.wgsl", "looks/mesh.wgsl", "looks/statistics.wgsl"];
 
 /// Where the parameters are in their buffer, which holds nothing else.
 const PARAMETERS: &[wgpu::DynamicOffset] = &[0];
@@ -27,6 +27,19 @@ pub struct Canvas {
     view: wgpu::TextureView,
     depth: wgpu::TextureView,
     pixels: wgpu::Buffer,
+}
+
+/// A canvas that somebody draws among other things.
+pub struct Shown(Ready);
+
+impl Shown {
+    /// Fills the viewport of a pass that has no depth.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass) {
+        let Pipeline::Render(pipeline) = &self.0.pipeline else { return };
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &self.0.group, &[]);
+        pass.draw(0..3, 0..1);
+    }
 }
 
 /// Which elements of a buffer are shown, as a rectangle of them.
@@ -141,6 +154,25 @@ impl Gpu {
         })
     }
 
+    /// A canvas ready to be drawn into a window whose pixels have this format.
+    pub fn shown(&self, canvas: &Canvas, format: wgpu::TextureFormat) -> Result<Shown, GpuError> {
+        let tool = Tool {
+            kernel: "looks/canvas.wgsl",
+            entry: "cover",
+            draw: Some(DrawKey {
+                fragment: "show".into(),
+                topology: Topology::Triangles,
+                target: format,
+                has_depth: false,
+            }),
+            constants: &[("IN_LIGHT", f64::from(format.is_srgb()))],
+            buffers: &[],
+            images: &[("canvas", &canvas.view)],
+            params: &[],
+        };
+        self.ready(&tool).map(Shown)
+    }
+
     /// Paints elements over the whole canvas.
     pub fn paint_image(&self, canvas: &Canvas, image: &Image) -> Result<(), GpuError> {
         let colours = self.table(image.tones.colours)?;
@@ -173,6 +205,7 @@ impl Gpu {
                 ("colours", &colours),
                 ("painted", &canvas.pixels),
             ],
+            images: &[],
             params: &params,
         };
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -229,7 +262,7 @@ impl Gpu {
         Ok(())
     }
 
-    fn ready_mesh(&self, mesh: &MeshImage) -> Result<(super::tool::Ready, u32), GpuError> {
+    fn ready_mesh(&self, mesh: &MeshImage) -> Result<(Ready, u32), GpuError> {
         let colours = self.table(mesh.tones.colours)?;
         let nothing = make_buffer(self, "nothing", 16, wgpu::BufferUsages::STORAGE)?;
         let points = match mesh.points {
@@ -283,7 +316,7 @@ impl Gpu {
         let tool = Tool {
             kernel: "looks/mesh.wgsl",
             entry: "draw",
-            draw: Some(("paint", topology, FORMAT)),
+            draw: Some(DrawKey { fragment: "paint".into(), topology, target: FORMAT, has_depth: true }),
             constants: &constants(channel, None, mesh.tones.scaled.scale),
             buffers: &[
                 ("points", &points.buffer),
@@ -292,6 +325,7 @@ impl Gpu {
                 ("heights", lattice.map_or(&nothing, |lattice| &lattice.heights.buffer)),
                 ("colours", &colours),
             ],
+            images: &[],
             params: &params,
         };
         Ok((self.ready(&tool)?, vertices(mesh)))
@@ -379,11 +413,6 @@ pub(super) fn tones_params(tones: Tones) -> Vec<(&'static str, Value)> {
 }
 
 impl Canvas {
-    /// For who shows it.
-    pub fn view(&self) -> &wgpu::TextureView {
-        &self.view
-    }
-
     /// Four bytes a pixel, row by row.
     pub fn read(&self, gpu: &Gpu) -> Result<Vec<u8>, GpuError> {
         read_texture(gpu, &self.texture)

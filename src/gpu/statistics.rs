@@ -126,6 +126,7 @@ impl Gpu {
                 tones.map_or(crate::look::Scale::Linear, |tones| tones.scaled.scale),
             ),
             buffers: &[("data", &held.buffer), ("other", &other.buffer), ("found", &found), ("bins", &found)],
+            images: &[],
             params: &params,
         };
         let staging_usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::bind::layout_entries;
-use super::cache::{DrawKey, Pipeline, PipelineKey, Topology};
+use super::cache::{DrawKey, Pipeline, PipelineKey};
 use super::memory::make_buffer;
 use super::{Gpu, GpuError};
 use crate::kernel::{Binding, BindingKind, Entry, Kernel, Value};
@@ -13,12 +13,12 @@ pub struct Tool<'a> {
     /// The kernel's path under `kernels/`, and its entry point.
     pub kernel: &'static str,
     pub entry: &'static str,
-    /// For a draw: the entry point of its fragments, what the vertices make, and the format of the picture.
-    pub draw: Option<(&'static str, Topology, wgpu::TextureFormat)>,
+    pub draw: Option<DrawKey>,
     /// `override` constants, of which the kernel has some.
     pub constants: &'a [(&'static str, f64)],
     /// By the names of their variables.
     pub buffers: &'a [(&'static str, &'a wgpu::Buffer)],
+    pub images: &'a [(&'static str, &'a wgpu::TextureView)],
     pub params: &'a [(&'static str, Value)],
 }
 
@@ -33,8 +33,9 @@ impl Gpu {
     pub(super) fn ready(&self, tool: &Tool) -> Result<Ready, GpuError> {
         let mistake = |why: String| GpuError::Plan(format!("{}: {why}", tool.kernel));
         let kernel = Kernel::built_in(tool.kernel, None).map_err(|error| mistake(error.to_string()))?;
-        let is_used =
-            |entry: &&Entry| entry.name == tool.entry || tool.draw.is_some_and(|(fragment, ..)| entry.name == fragment);
+        let is_used = |entry: &&Entry| {
+            entry.name == tool.entry || tool.draw.as_ref().is_some_and(|draw| entry.name == draw.fragment)
+        };
         let entries: Vec<&Entry> = kernel.entries.iter().filter(is_used).collect();
         let main = entries.iter().find(|entry| entry.name == tool.entry);
         let workgroup_size = main.ok_or_else(|| mistake(format!("no entry point `{}`", tool.entry)))?.workgroup_size;
@@ -49,9 +50,11 @@ impl Gpu {
                 size: std::num::NonZeroU64::new(structure.bytes.into()),
             })),
             _ => {
-                let found = tool.buffers.iter().find(|(name, _)| *name == binding.name);
-                let (_, buffer) = found.ok_or_else(|| mistake(format!("`{}` is bound to nothing", binding.name)))?;
-                Ok(buffer.as_entire_binding())
+                let buffer = tool.buffers.iter().find(|(name, _)| *name == binding.name);
+                let buffer = buffer.map(|(_, buffer)| buffer.as_entire_binding());
+                let image = tool.images.iter().find(|(name, _)| *name == binding.name);
+                let found = buffer.or(image.map(|(_, view)| wgpu::BindingResource::TextureView(view)));
+                found.ok_or_else(|| mistake(format!("`{}` is bound to nothing", binding.name)))
             }
         };
         let entries: Vec<wgpu::BindGroupEntry> = bindings
@@ -62,8 +65,6 @@ impl Gpu {
         let group = self.scoped(&format!("the bindings of `{}`", tool.kernel), || {
             self.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries })
         })?;
-        let draw =
-            tool.draw.map(|(fragment, topology, target)| DrawKey { fragment: fragment.into(), topology, target });
         let own = tool.constants.iter().filter(|(name, _)| kernel.overrides.iter().any(|known| known == name));
         let constants = own.map(|(name, value)| (name.to_string(), value.to_bits())).collect();
         let key = PipelineKey {
@@ -72,7 +73,7 @@ impl Gpu {
             entry: tool.entry.into(),
             constants,
             layouts,
-            draw,
+            draw: tool.draw.clone(),
         };
         Ok(Ready { pipeline: self.pipeline(tool.entry, &kernel, key)?, group, workgroup_size })
     }

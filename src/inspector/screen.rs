@@ -6,7 +6,7 @@ use eframe::egui_wgpu::{self, ScreenDescriptor};
 use egui::mutex::RwLock;
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::paint::{Canvas, read_texture};
+use crate::gpu::paint::{Canvas, Shown, read_texture};
 use crate::gpu::{Gpu, GpuError};
 
 /// The renderer of a window, or of a picture without one.
@@ -14,6 +14,30 @@ use crate::gpu::{Gpu, GpuError};
 pub struct Screen {
     gpu: Arc<Gpu>,
     renderer: Arc<RwLock<egui_wgpu::Renderer>>,
+    format: wgpu::TextureFormat,
+}
+
+/// A canvas among the shapes of a window, each of its pixels one of the screen's. (egui draws textures as well, by a kernel for all that
+/// there is in a window, which a CPU takes twenty times as long for.)
+#[derive(Clone)]
+pub struct Picture(Arc<Shown>);
+
+impl Picture {
+    /// All of it in a rectangle of whole pixels.
+    pub fn filling(&self, rect: egui::Rect) -> egui::Shape {
+        egui_wgpu::Callback::new_paint_callback(rect, self.clone()).into()
+    }
+}
+
+impl egui_wgpu::CallbackTrait for Picture {
+    fn paint(
+        &self,
+        _info: egui::PaintCallbackInfo,
+        pass: &mut wgpu::RenderPass<'static>,
+        _resources: &egui_wgpu::CallbackResources,
+    ) {
+        self.0.draw(pass);
+    }
 }
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -21,14 +45,14 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 impl Screen {
     /// The renderer of a window that was opened on the device.
     pub fn of_window(gpu: &Arc<Gpu>, state: &egui_wgpu::RenderState) -> Self {
-        Self { gpu: gpu.clone(), renderer: state.renderer.clone() }
+        Self { gpu: gpu.clone(), renderer: state.renderer.clone(), format: state.target_format }
     }
 
     /// A renderer for pictures.
     pub fn without_window(gpu: &Arc<Gpu>) -> Self {
         let options = egui_wgpu::RendererOptions::PREDICTABLE;
         let renderer = egui_wgpu::Renderer::new(&gpu.device, FORMAT, options);
-        Self { gpu: gpu.clone(), renderer: Arc::new(RwLock::new(renderer)) }
+        Self { gpu: gpu.clone(), renderer: Arc::new(RwLock::new(renderer)), format: FORMAT }
     }
 
     /// Options for a window on a device that is open.
@@ -49,13 +73,9 @@ impl Screen {
         eframe::NativeOptions { viewport, wgpu_options, renderer: eframe::Renderer::Wgpu, ..Default::default() }
     }
 
-    /// A canvas as a texture, each of its pixels one of the screen's.
-    pub fn show(&self, canvas: &Canvas) -> egui::TextureId {
-        self.renderer.write().register_native_texture(&self.gpu.device, canvas.view(), wgpu::FilterMode::Nearest)
-    }
-
-    pub fn forget(&self, texture: egui::TextureId) {
-        self.renderer.write().free_texture(&texture);
+    /// A canvas as what egui can draw.
+    pub fn show(&self, canvas: &Canvas) -> Result<Picture, GpuError> {
+        self.gpu.shown(canvas, self.format).map(|shown| Picture(Arc::new(shown)))
     }
 
     /// Takes in textures that egui has made or dropped.
@@ -71,32 +91,33 @@ impl Screen {
         }
     }
 
-    /// What egui has put out, as a picture of four bytes a pixel.
-    pub fn picture(
-        &self,
-        context: &egui::Context,
-        output: egui::FullOutput,
-    ) -> Result<([u32; 2], Vec<u8>), Diagnostic> {
-        let gpu = &self.gpu;
-        let scale = context.pixels_per_point();
-        let size = (context.content_rect().size() * scale).round();
-        let screen = ScreenDescriptor { size_in_pixels: [size.x as u32, size.y as u32], pixels_per_point: scale };
-        let mut renderer = self.renderer.write();
-        let shapes = context.tessellate(output.shapes, scale);
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        let before = renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &shapes, &screen);
-        let [width, height] = screen.size_in_pixels;
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+    /// A texture for what egui puts out, as large as its window.
+    pub fn target(&self, context: &egui::Context) -> wgpu::Texture {
+        let size = (context.content_rect().size() * context.pixels_per_point()).round();
+        self.gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some("screenshot"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            size: wgpu::Extent3d { width: size.x as u32, height: size.y as u32, depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: FORMAT,
             usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
             view_formats: &[],
-        });
-        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        })
+    }
+
+    /// Draws what egui has put out.
+    pub fn draw(&self, context: &egui::Context, output: egui::FullOutput, target: &wgpu::Texture) {
+        let gpu = &self.gpu;
+        let scale = context.pixels_per_point();
+        let screen = ScreenDescriptor { size_in_pixels: [target.width(), target.height()], pixels_per_point: scale };
+        let mut renderer = self.renderer.write();
+        let shapes = context.tessellate(output.shapes, scale);
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let before = renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &shapes, &screen);
+        let background = context.global_style().visuals.panel_fill.to_normalized_gamma_f32();
+        let [r, g, b, a] = background.map(f64::from);
+        let view = target.create_view(&wgpu::TextureViewDescriptor::default());
         {
             let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("screenshot"),
@@ -104,7 +125,7 @@ impl Screen {
                     view: &view,
                     resolve_target: None,
                     ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                        load: wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a }),
                         store: wgpu::StoreOp::Store,
                     },
                     depth_slice: None,
@@ -114,7 +135,17 @@ impl Screen {
             renderer.render(&mut pass.forget_lifetime(), &shapes, &screen);
         }
         gpu.queue.submit(before.into_iter().chain([encoder.finish()]));
-        let pixels = read_texture(gpu, &texture).map_err(|error: GpuError| Diagnostic::from(error))?;
-        Ok((screen.size_in_pixels, pixels))
+    }
+
+    /// What egui has put out, as a picture of four bytes a pixel.
+    pub fn picture(
+        &self,
+        context: &egui::Context,
+        output: egui::FullOutput,
+    ) -> Result<([u32; 2], Vec<u8>), Diagnostic> {
+        let target = self.target(context);
+        self.draw(context, output, &target);
+        let pixels = read_texture(&self.gpu, &target).map_err(|error: GpuError| Diagnostic::from(error))?;
+        Ok(([target.width(), target.height()], pixels))
     }
 }

@@ -6,7 +6,7 @@ mod layout;
 use std::path::Path;
 use std::sync::Arc;
 
-use egui::Ui;
+use egui::{Color32, Frame, Ui};
 use egui_tiles::TileId;
 
 use super::ask::Ask;
@@ -399,10 +399,12 @@ impl App {
             let error = Diagnostic::from(error).help("what was shown last stays; start the inspector again to go on");
             self.said = Some(Err(error));
         }
+        // nothing is filled: the window is cleared to its colour, and on a CPU each pixel that is painted once more counts
+        let middle = Frame::central_panel(ui.style()).fill(Color32::TRANSPARENT);
         if self.only_views {
-            egui::CentralPanel::default().show(ui, |ui| self.views(ui));
+            egui::CentralPanel::default().frame(middle).show(ui, |ui| self.views(ui));
         } else {
-            self.window(ui);
+            self.window(ui, middle);
         }
         for action in std::mem::take(&mut self.desk.actions) {
             self.act(action);
@@ -428,10 +430,11 @@ impl App {
     }
 
     /// Everything.
-    fn window(&mut self, ui: &mut Ui) {
-        egui::Panel::top("top").show(ui, |ui| self.top(ui));
-        egui::Panel::bottom("bottom").show(ui, |ui| self.bottom(ui));
-        egui::CentralPanel::default().show(ui, |ui| match self.wanted[0].document.is_some() {
+    fn window(&mut self, ui: &mut Ui, middle: Frame) {
+        let bar = Frame::side_top_panel(ui.style()).fill(Color32::TRANSPARENT);
+        egui::Panel::top("top").frame(bar).show(ui, |ui| self.top(ui));
+        egui::Panel::bottom("bottom").frame(bar).show(ui, |ui| self.bottom(ui));
+        egui::CentralPanel::default().frame(middle).show(ui, |ui| match self.wanted[0].document.is_some() {
             false => self.experiments.ui(ui, &mut self.desk),
             true => {
                 self.desk.pointer = None;
@@ -453,6 +456,10 @@ impl App {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         App::ui(self, ui);
+    }
+
+    fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
+        visuals.panel_fill.to_normalized_gamma_f32()
     }
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {

@@ -183,33 +183,30 @@ impl View {
     /// Puts the canvases into the window.
     fn put(&self, ui: &Ui, found: &Found, rect: Rect) {
         let painter = ui.painter_at(rect);
-        let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-        let texture = |which: usize| self.live.painted[which].as_ref().map(|painted| painted.texture);
-        let put = |which: usize, rect: Rect, uv: Rect| {
-            if let Some(texture) = texture(which) {
-                painter.image(texture, rect, uv, Color32::WHITE);
+        // all of a picture in a rectangle, of which a part is seen
+        let put = |which: usize, rect: Rect, part: Rect| {
+            if let Some(painted) = &self.live.painted[which] {
+                ui.painter_at(part).add(painted.picture.filling(rect));
             }
         };
-        painter.rect_filled(rect, 0.0, Color32::from_gray(20));
         match (found.second.is_some(), self.mode) {
-            (false, _) | (true, Mode::Difference) => put(0, rect, whole),
-            (true, Mode::Second) => put(1, rect, whole),
+            (false, _) | (true, Mode::Difference) => put(0, rect, rect),
+            (true, Mode::Second) => put(1, rect, rect),
             (true, Mode::Beside) => {
                 let [left, right] = halves(rect);
-                put(0, left, whole);
-                put(1, right, whole);
+                put(0, left, left);
+                put(1, right, right);
                 painter.vline(right.min.x, rect.y_range(), (1.0, Color32::WHITE));
             }
             (true, Mode::Wipe) => {
-                put(0, rect, whole);
+                put(0, rect, rect);
                 let at = rect.left() + rect.width() * self.wipe;
-                let part = Rect::from_min_max(Pos2::new(at, rect.top()), rect.max);
-                put(1, part, Rect::from_min_max(Pos2::new(self.wipe, 0.0), Pos2::new(1.0, 1.0)));
+                put(1, rect, Rect::from_min_max(Pos2::new(at, rect.top()), rect.max));
                 painter.vline(at, rect.y_range(), (1.0, Color32::WHITE));
             }
             (true, Mode::Flicker) => {
                 let time = ui.input(|input| input.time);
-                put(usize::from((time * FLICKERS * 2.0) as u64 % 2 == 1), rect, whole);
+                put(usize::from((time * FLICKERS * 2.0) as u64 % 2 == 1), rect, rect);
                 ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(0.5 / FLICKERS));
             }
         }

@@ -6,13 +6,12 @@ use std::time::{Duration, Instant};
 use crate::gpu::GpuError;
 use crate::gpu::paint::Canvas;
 use crate::inspector::desk::Desk;
-use crate::inspector::screen::Screen;
+use crate::inspector::screen::Picture;
 
 /// A canvas on the screen, and what was painted on it.
 pub struct Painted {
     pub canvas: Arc<Canvas>,
-    pub texture: egui::TextureId,
-    screen: Screen,
+    pub picture: Picture,
     frame: [u64; 2],
     key: String,
     at: Option<Instant>,
@@ -37,12 +36,6 @@ impl Painted {
     }
 }
 
-impl Drop for Painted {
-    fn drop(&mut self) {
-        self.screen.forget(self.texture);
-    }
-}
-
 /// A canvas of a size, with something painted on it unless it is there already.
 pub fn painted(
     kept: &mut Option<Painted>,
@@ -53,9 +46,8 @@ pub fn painted(
 ) -> Result<(), GpuError> {
     if kept.as_ref().is_none_or(|kept| kept.canvas.size != size) {
         let canvas = Arc::new(desk.gpu.canvas(size)?);
-        let texture = desk.screen.show(&canvas);
-        *kept =
-            Some(Painted { canvas, texture, screen: desk.screen.clone(), frame: [0; 2], key: String::new(), at: None });
+        let picture = desk.screen.show(&canvas)?;
+        *kept = Some(Painted { canvas, picture, frame: [0; 2], key: String::new(), at: None });
     }
     if let Some(kept) = kept
         && (kept.frame != what.frame || kept.key != what.key)

@@ -73,8 +73,7 @@ impl View {
     fn put_and_mark(&self, ui: &Ui, desk: &Desk, found: &Found, shown: &Shown, (rect, through): (Rect, &Through)) {
         let painter = ui.painter_at(rect);
         if let Some(painted) = &self.live.painted[0] {
-            let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
-            painter.image(painted.texture, rect, whole, Color32::WHITE);
+            painter.add(painted.picture.filling(rect));
         }
         let size = DVec2::new(rect.width().into(), rect.height().into());
         let point = |world: DVec3| {
