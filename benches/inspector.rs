@@ -10,7 +10,7 @@ use lodlab::gpu::paint::{Image, Part, Tones};
 use lodlab::gpu::statistics::Looked;
 use lodlab::gpu::{Gpu, Held};
 use lodlab::inspector::desk::Action;
-use lodlab::inspector::wish::Side;
+use lodlab::inspector::wish::{Shown, Side};
 use lodlab::inspector::{App, Screen};
 use lodlab::kernel::Elem;
 use lodlab::look::channel::channels;
@@ -59,20 +59,54 @@ fn pictures(gpu: &Arc<Gpu>) {
     println!("histogram of 4096 x 4096 values: {ms:.2} ms");
 }
 
-fn settle_once(app: &mut App, context: &egui::Context, screen: &Screen) {
-    let rect = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(1440.0, 900.0));
-    let input = egui::RawInput { screen_rect: Some(rect), ..Default::default() };
-    let mut output = context.run_ui(input, |ui| app.ui(ui));
-    screen.take(&mut output.textures_delta);
+/// The inspector, and what stands for the window that it is in.
+struct Window {
+    app: App,
+    context: egui::Context,
+    screen: Screen,
+    woken: Receiver<()>,
+    /// What egui puts out is drawn as well, as in a window on a screen.
+    target: Option<wgpu::Texture>,
 }
 
-/// Draws until nothing is on its way.
-fn settle(app: &mut App, context: &egui::Context, screen: &Screen) {
-    let mut quiet = 0;
-    while quiet < 2 {
-        settle_once(app, context, screen);
-        quiet = if app.is_settled() { quiet + 1 } else { 0 };
-        std::thread::sleep(std::time::Duration::from_micros(100));
+impl Window {
+    fn open(gpu: &Arc<Gpu>) -> Self {
+        let screen = Screen::without_window(gpu);
+        // as a window does, it draws when there is something new, and with every move of the hand
+        let (wake, woken) = channel();
+        let wake = std::sync::Mutex::new(wake);
+        let wakes = move || drop(wake.lock().map(|wake| wake.send(())));
+        let mut app = App::new(gpu, screen.clone(), Arc::new(wakes), None);
+        app.open(Path::new(EXPERIMENT));
+        app.act(Action::Set { side: Side::A, path: "scene.viewport".into(), value: "(1024, 768)".into() });
+        app.time_steps(false);
+        let mut window = Self { app, context: egui::Context::default(), screen, woken, target: None };
+        window.settle();
+        window
+    }
+
+    fn frame(&mut self) {
+        let rect = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(1440.0, 900.0));
+        let input = egui::RawInput { screen_rect: Some(rect), ..Default::default() };
+        let mut output = self.context.run_ui(input, |ui| self.app.ui(ui));
+        self.screen.take(&mut output.textures_delta);
+        if let Some(target) = &self.target {
+            self.screen.draw(&self.context, output, target);
+        }
+    }
+
+    /// Draws until nothing is on its way.
+    fn settle(&mut self) {
+        let mut quiet = 0;
+        while quiet < 2 {
+            self.frame();
+            quiet = if self.app.is_settled() { quiet + 1 } else { 0 };
+            std::thread::sleep(Duration::from_micros(100));
+        }
+    }
+
+    fn shown(&self) -> Option<Arc<Shown>> {
+        self.app.desk().shown(Side::A).cloned()
     }
 }
 
@@ -101,23 +135,23 @@ struct Dragged {
     made_ms: f64,
 }
 
-fn drag(app: &mut App, context: &egui::Context, screen: &Screen, woken: &Receiver<()>) -> Dragged {
-    let number = |app: &App| app.desk().shown(Side::A).map(|shown| shown.number);
-    let (mut made, mut last, start) = (Vec::new(), number(app), Instant::now());
+fn drag(window: &mut Window) -> Dragged {
+    let number = |window: &Window| window.shown().map(|shown| shown.number);
+    let (mut made, mut last, start) = (Vec::new(), number(window), Instant::now());
     // the hand never rests: whenever the window is drawn, the parameter has another value
     for columns in COLUMNS.cycle() {
         let value = format!("({columns}, 75)");
-        app.act(Action::Set { side: Side::A, path: "*.ViewGrid.size".into(), value });
-        settle_once(app, context, screen);
-        assert!(app.refused(Side::A).is_none(), "{:?}", app.refused(Side::A));
-        if number(app) != last {
-            last = number(app);
-            made.extend(app.desk().shown(Side::A).and_then(|shown| shown.made_ms));
+        window.app.act(Action::Set { side: Side::A, path: "*.ViewGrid.size".into(), value });
+        window.frame();
+        assert!(window.app.refused(Side::A).is_none(), "{:?}", window.app.refused(Side::A));
+        if number(window) != last {
+            last = number(window);
+            made.extend(window.shown().and_then(|shown| shown.made_ms));
         }
         if made.len() == 20 {
             break;
         }
-        let _ = woken.recv_timeout(Duration::from_millis(16));
+        let _ = window.woken.recv_timeout(Duration::from_millis(16));
     }
     let interval_ms = start.elapsed().as_secs_f64() * 1e3 / made.len() as f64;
     Dragged { interval_ms, made_ms: middle(made) }
@@ -125,34 +159,31 @@ fn drag(app: &mut App, context: &egui::Context, screen: &Screen, woken: &Receive
 
 /// A parameter that is dragged, beside the same frame by itself, in turn.
 fn dragged(gpu: &Arc<Gpu>) {
-    let screen = Screen::without_window(gpu);
-    // as a window does, it draws when there is something new, and with every move of the hand
-    let (wake, woken) = channel();
-    let wake = std::sync::Mutex::new(wake);
-    let wakes = move || drop(wake.lock().map(|wake| wake.send(())));
-    let mut app = App::new(gpu, screen.clone(), Arc::new(wakes), None);
-    app.open(Path::new(EXPERIMENT));
-    app.act(Action::Set { side: Side::A, path: "scene.viewport".into(), value: "(1024, 768)".into() });
-    let context = egui::Context::default();
-    app.time_steps(false);
-    settle(&mut app, &context, &screen);
-    let ms = median_ms(|| settle_once(&mut app, &context, &screen));
-    println!("the window's own work in a frame, without drawing it: {ms:.2} ms");
-    let rounds: Vec<(f64, Dragged)> = (0..9)
-        .map(|_| {
-            settle(&mut app, &context, &screen);
-            (alone_ms(gpu), drag(&mut app, &context, &screen, &woken))
-        })
-        .collect();
-    let of = |number: &dyn Fn(&(f64, Dragged)) -> f64| middle(rounds.iter().map(number).collect());
-    println!(
-        "a parameter is dragged, quickstart at 1024 x 768: a new frame every {:.1} ms, planning and preparing {:.1} ms of it; the frame by itself {:.1} ms; {:.1} ms more (medians of {} rounds)",
-        of(&|(_, dragged)| dragged.interval_ms),
-        of(&|(_, dragged)| dragged.made_ms),
-        of(&|(alone_ms, _)| *alone_ms),
-        of(&|(alone_ms, dragged)| dragged.interval_ms - alone_ms),
-        rounds.len()
-    );
+    let mut window = Window::open(gpu);
+    for is_drawn in [false, true] {
+        window.target = is_drawn.then(|| window.screen.target(&window.context));
+        let ms = median_ms(|| {
+            window.frame();
+            gpu.wait().expect("it is done");
+        });
+        let rounds: Vec<(f64, Dragged)> = (0..9)
+            .map(|_| {
+                window.settle();
+                (alone_ms(gpu), drag(&mut window))
+            })
+            .collect();
+        let of = |number: &dyn Fn(&(f64, Dragged)) -> f64| middle(rounds.iter().map(number).collect());
+        let what = if is_drawn { "with drawing it" } else { "without drawing it" };
+        println!("the window's own work in a frame, {what}: {ms:.2} ms");
+        println!(
+            "a parameter is dragged, quickstart at 1024 x 768, {what}: a new frame every {:.1} ms, planning and preparing {:.1} ms of it; the frame by itself {:.1} ms; {:.1} ms more (medians of {} rounds)",
+            of(&|(_, dragged)| dragged.interval_ms),
+            of(&|(_, dragged)| dragged.made_ms),
+            of(&|(alone_ms, _)| *alone_ms),
+            of(&|(alone_ms, dragged)| dragged.interval_ms - alone_ms),
+            rounds.len()
+        );
+    }
 }
 
 fn main() {

@@ -12,7 +12,7 @@ use lodlab::experiment::sweep::Varied;
 use lodlab::gpu::Gpu;
 use lodlab::inspector::desk::Action;
 use lodlab::inspector::probe::{Probed, Where};
-use lodlab::inspector::view::{Against, Of};
+use lodlab::inspector::view::{Against, Mode, Of};
 use lodlab::inspector::wish::{CellName, Moment, Side};
 use lodlab::inspector::{App, Screen};
 use lodlab::look::Form;
@@ -475,6 +475,43 @@ fn two_cells_are_compared() {
     assert!(window.harness.query_all_by_label_contains("mean").next().is_some());
     let pixels = window.picture();
     assert!(pixels.chunks_exact(4).any(|pixel| pixel != &pixels[..4]));
+}
+
+/// A picture stands in the window pixel by pixel, and beside a wipe's line is that of the ground truth.
+#[test]
+fn a_picture_in_the_window_is_the_buffer() {
+    let (_folder, path) = experiment(&format!(
+        "Experiment(scene: ({SCENE}), chains: {{\"a\": [HeightPyramid, ViewGrid(size: (6, 5)), Project, Rasterize, Shade]}}, \
+         measure: [Time])"
+    ));
+    let mut window = Window::open(&path);
+    window.act(Action::Truth(true));
+    let id = window.see(Of::Buffer("colour".into()));
+    for mode in [Mode::Second, Mode::Wipe] {
+        for view in window.harness.state_mut().views_mut().into_iter().filter(|own| own.id == id) {
+            (view.against, view.mode, view.wipe) = (Against::Truth, mode, 0.5);
+        }
+        window.settle();
+        let pixels = window.picture();
+        let shown = window.shown();
+        let gpu = window.harness.state().desk().gpu.clone();
+        let own = shown.held("colour").unwrap().read_all(&gpu).unwrap();
+        let truth = shown.truth.as_ref().unwrap().picture.read_all(&gpu).unwrap();
+        assert_ne!(own, truth);
+        let app = window.harness.state_mut();
+        let view = app.views_mut().into_iter().find(|own| own.id == id).unwrap();
+        for (x, y) in (0..64).flat_map(|x| (0..48).map(move |y| (x, y))) {
+            let point = view.point_of((x, y)).unwrap();
+            let seen = &pixels[4 * (point.y as usize * 1400 + point.x as usize)..][..3];
+            // the line itself is over the middle
+            let of = match mode {
+                Mode::Wipe if x < 31 => &own,
+                Mode::Wipe if x < 33 => continue,
+                _ => &truth,
+            };
+            assert_eq!(seen, &of[4 * (y * 64 + x) as usize..][..3], "{mode:?}, {x} {y}");
+        }
+    }
 }
 
 /// A terrain that cannot be loaded, an experiment that is none, a size that comes and goes: each is told, and the window lives.

@@ -133,6 +133,33 @@ fn an_image_has_the_colours_of_its_elements() {
     assert_eq!(pixel(&rgba, 2, 3), [0x30, 0x34, 0x3a]);
 }
 
+/// Wherever an image is moved and however it is zoomed: an element in each pixel that is over one, and nothing of what was painted before.
+#[test]
+fn an_image_is_where_it_was_moved_to() {
+    let gpu = Gpu::open(None).unwrap();
+    let values: Vec<f32> = (0..15).map(|at| at as f32).collect();
+    let held = held(&gpu, &values, 5);
+    let channel = &channels(&held.about)[0];
+    let canvas = gpu.canvas((70, 30)).unwrap();
+    let tones = Tones { colours: Colours::Grey, scaled: Scaled::new(0.0, 14.0, Scale::Linear), mark_above: None };
+    let steps = [[0.125, 0.125], [0.0625, 0.25], [1.0, 1.0], [64.0, 0.5], [1.0 / 1024.0; 2], [1e9; 2], [1e-9; 2]];
+    let origins =
+        [[0.0, 0.0], [-2.0, -1.5], [3.0, 2.0], [-40.0, 1.0], [5.0, 0.0], [2.5, -3.75], [-1e9, 1e9], [4.9375, 2.9375]];
+    for (origin, step) in origins.iter().flat_map(|origin| steps.map(|step| (*origin, step))) {
+        let image = Image { held: &held, channel, minus: None, part: Part::all(&held), origin, step, tones };
+        gpu.paint_image(&canvas, &image).unwrap();
+        let rgba = canvas.read(&gpu).unwrap();
+        for (at, pixel) in rgba.chunks_exact(4).enumerate() {
+            let place = [at % 70, at / 70].map(|at| at as f32 + 0.5);
+            let [x, y] = [0, 1].map(|axis| (origin[axis] + place[axis] * step[axis]).floor());
+            let inside = (0.0..5.0).contains(&x) && (0.0..3.0).contains(&y);
+            let grey = ((5.0 * y + x) / 14.0 * 255.0).round() as u8;
+            let expected = if inside { [grey, grey, grey, 255] } else { [0; 4] };
+            assert_eq!(pixel, expected, "pixel {at}, from {origin:?} by {step:?}");
+        }
+    }
+}
+
 /// The f64 result of a stage takes the place of its kernels': what a broken one makes is mended, and what comes after it is as if it were right.
 #[test]
 fn a_stage_on_the_cpu() {

@@ -9,6 +9,8 @@ struct Params {
     /// Columns and rows of the picture, and pixels from one row of it to the next.
     size: vec2<u32>,
     pitch: u32,
+    /// The first of the pixels that elements may be seen in.
+    corner: vec2<u32>,
     /// Elements before the first row, and from one row to the next.
     first: u32,
     stride: u32,
@@ -31,7 +33,6 @@ struct Params {
 @group(0) @binding(3) var<storage, read> colours: array<u32>;
 @group(0) @binding(4) var<storage, read_write> painted: array<u32>;
 
-const OUTSIDE: u32 = 0u;
 const OPAQUE: u32 = 0xff000000u;
 const SAYS_MISSING: u32 = 0xff3a3430u;
 const MARK: u32 = 0xff2060ffu;
@@ -81,13 +82,12 @@ fn colour_of(element: vec2<u32>, at: vec2<u32>) -> u32 {
 
 @compute @workgroup_size(8, 8)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= params.size) {
+    let at = params.corner + id.xy;
+    if any(at >= params.size) {
         return;
     }
-    let place = floor(params.origin + (vec2<f32>(id.xy) + 0.5) * params.step);
-    var colour = OUTSIDE;
+    let place = floor(params.origin + (vec2<f32>(at) + 0.5) * params.step);
     if all(place >= vec2(0.0)) && all(place < vec2<f32>(params.extent)) {
-        colour = colour_of(vec2<u32>(place), id.xy);
+        painted[at.y * params.pitch + at.x] = colour_of(vec2<u32>(place), at);
     }
-    painted[id.y * params.pitch + id.x] = colour;
 }

@@ -14,17 +14,12 @@ struct Params {
     /// Columns and rows of points, or of samples.
     size: vec2<u32>,
     cell_m: vec2<f32>,
-    /// Columns and rows of the values that colour it, and how they belong to the points.
+    /// Columns and rows of the values that colour it.
     values: vec2<u32>,
-    value_from: u32,
     /// How many numbers an element of the points has.
     components: u32,
-    kind: u32,
-    is_filled: u32,
     /// Added to the depth, which is larger nearer.
     lift: f32,
-    /// Every other pixel shows what is under the mesh.
-    is_sheer: u32,
     colour: u32,
 }
 
@@ -38,6 +33,12 @@ const ONE_COLOUR: u32 = 0u;
 const BY_POINT: u32 = 1u;
 const BY_PLACE: u32 = 2u;
 const BY_CELL: u32 = 3u;
+
+override MESH: u32 = GRID;
+override VALUE_FROM: u32 = ONE_COLOUR;
+override IS_FILLED: bool = false;
+/// Every other pixel shows what is under the mesh.
+override IS_SHEER: bool = false;
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> points: array<u32>;
@@ -65,7 +66,7 @@ fn grid_corner(primitive: u32, corner: u32) -> Found {
     var cell: vec2<u32>;
     // how far the primitive reaches from its first point
     var reach = vec2(1u, 1u);
-    if params.is_filled != 0u {
+    if IS_FILLED {
         let index = primitive / 2u;
         cell = vec2(index % cells.x, index / cells.x);
         let second = primitive % 2u;
@@ -92,11 +93,11 @@ fn grid_corner(primitive: u32, corner: u32) -> Found {
         point.z = bitcast<f32>(points[word + 2u]);
     }
     var coloured = element;
-    if params.value_from == BY_CELL {
+    if VALUE_FROM == BY_CELL {
         let own = min(cell, params.values - 1u);
         coloured = own.y * params.values.x + own.x;
     }
-    if params.value_from == BY_PLACE {
+    if VALUE_FROM == BY_PLACE {
         let place = clamp(places[element], vec2(0.0), vec2(1.0));
         let own = min(vec2<u32>(place * vec2<f32>(params.values)), params.values - 1u);
         coloured = own.y * params.values.x + own.x;
@@ -111,15 +112,15 @@ fn sample_point(sample: vec2<u32>) -> vec3<f32> {
 }
 
 fn triangle_corner(primitive: u32, corner: u32) -> Found {
-    let triangle = select(primitive / 3u, primitive, params.is_filled != 0u);
+    let triangle = select(primitive / 3u, primitive, IS_FILLED);
     // of a line, its own corner and the next one
-    let which = select((primitive % 3u + corner) % 3u, corner, params.is_filled != 0u);
+    let which = select((primitive % 3u + corner) % 3u, corner, IS_FILLED);
     let packed = points[triangle * 4u + which];
     return Found(sample_point(vec2(packed & 0xffffu, packed >> 16u)), triangle, true);
 }
 
 fn block_corner(primitive: u32, corner: u32) -> Found {
-    let lines = select(4u, 2u, params.is_filled != 0u);
+    let lines = select(4u, 2u, IS_FILLED);
     let block = primitive / lines;
     let side = primitive % lines;
     let centre = points[block * 2u];
@@ -129,7 +130,7 @@ fn block_corner(primitive: u32, corner: u32) -> Found {
     let low = (halves - half) / 2u;
     let corners = array(vec2(0u, 0u), vec2(1u, 0u), vec2(1u, 1u), vec2(0u, 1u));
     var which = (side + corner) % 4u;
-    if params.is_filled != 0u {
+    if IS_FILLED {
         which = select(corner, select(0u, corner + 1u, corner > 0u), side == 1u);
     }
     return Found(sample_point(low + corners[which] * (half)), block, true);
@@ -137,11 +138,11 @@ fn block_corner(primitive: u32, corner: u32) -> Found {
 
 @vertex
 fn draw(@builtin(vertex_index) vertex: u32) -> Corner {
-    let corners = select(2u, 3u, params.is_filled != 0u);
+    let corners = select(2u, 3u, IS_FILLED);
     let primitive = vertex / corners;
     let corner = vertex % corners;
     var found: Found;
-    switch params.kind {
+    switch MESH {
         case TRIANGLES: {
             found = triangle_corner(primitive, corner);
         }
@@ -163,7 +164,7 @@ fn draw(@builtin(vertex_index) vertex: u32) -> Corner {
 }
 
 fn colour_of(found: Found) -> u32 {
-    if params.value_from == ONE_COLOUR {
+    if VALUE_FROM == ONE_COLOUR {
         return params.colour;
     }
     let shown = shown_of(data[found.element * params.format.words + params.format.word], params.format, KIND);
@@ -176,7 +177,7 @@ fn colour_of(found: Found) -> u32 {
 @fragment
 fn paint(corner: Corner) -> @location(0) vec4<f32> {
     let pixel = vec2<u32>(corner.clip.xy);
-    if params.is_sheer != 0u && ((pixel.x + pixel.y) & 1u) == 1u {
+    if IS_SHEER && ((pixel.x + pixel.y) & 1u) == 1u {
         discard;
     }
     return unpack4x8unorm(corner.colour);

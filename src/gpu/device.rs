@@ -182,7 +182,14 @@ impl Gpu {
 
     /// Waits until everything submitted is done.
     pub fn wait(&self) -> Result<(), GpuError> {
-        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.wait_for(&self.queue.submit([]))
+    }
+
+    /// Waits for a submission, and for those before it.
+    pub fn wait_for(&self, submission: &wgpu::SubmissionIndex) -> Result<(), GpuError> {
+        // (a wait that may time out fails where another thread polls as well: wgpu-core 30 takes what it has not seen end for a mistake)
+        let waits = wgpu::PollType::Wait { submission_index: Some(submission.clone()), timeout: None };
+        let waited = self.device.poll(waits);
         waited.map_err(|error| GpuError::Lost(error.to_string()))?;
         self.check()
     }

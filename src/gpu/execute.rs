@@ -81,7 +81,6 @@ impl Executor {
     pub fn new(gpu: &Arc<Gpu>, plan: &Arc<Plan>, data: &Arc<SceneData>) -> Result<Self, GpuError> {
         let start = Instant::now();
         let mut executor = Self::without_waiting(gpu, plan, data, None)?;
-        gpu.queue.submit([]);
         gpu.wait()?;
         executor.prepare_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(executor)

@@ -50,8 +50,7 @@ impl Held {
         let staging = make_buffer(gpu, &self.about.name, end - start, usage)?;
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(&self.buffer, start, &staging, 0, end - start);
-        gpu.queue.submit([encoder.finish()]);
-        let mut read = readback::map(gpu, &staging)?;
+        let mut read = readback::map(gpu, &staging, &gpu.queue.submit([encoder.finish()]))?;
         read.truncate((end - start) as usize);
         Ok(read)
     }

@@ -81,6 +81,21 @@ pub struct Image<'a> {
     pub tones: Tones,
 }
 
+impl Image<'_> {
+    /// The first pixel of a canvas that may show an element, and columns and rows of such pixels; rounded, there may be some more.
+    fn pixels(&self, size: (u32, u32)) -> ([u32; 2], [u32; 2]) {
+        let of = |axis: usize, elements: u32, pixels: u32| {
+            let pixel = |element: f32| (element - self.origin[axis]) / self.step[axis];
+            let low = (pixel(0.0).floor() - 1.0).max(0.0) as u32;
+            let high = ((pixel(elements as f32).ceil() + 1.0).max(0.0) as u32).min(pixels);
+            (low, high.saturating_sub(low))
+        };
+        let (left, columns) = of(0, self.part.columns, size.0);
+        let (top, rows) = of(1, self.part.rows, size.1);
+        ([left, top], [columns, rows])
+    }
+}
+
 /// The pixels of a canvas between two corners.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clip {
@@ -142,7 +157,7 @@ impl Gpu {
         let most = self.limits.max_texture_dimension_2d;
         let size = (size.0.clamp(1, most), size.1.clamp(1, most));
         let pixels = u64::from(size.0.next_multiple_of(PITCH)) * u64::from(size.1) * 4;
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST;
         let pixels = make_buffer(self, "pixels of a look", pixels, usage)?;
         self.scoped("the picture of a look", || {
             let make = |format, usage| memory::make_texture(self, "look", size, format, usage);
@@ -178,12 +193,14 @@ impl Gpu {
         let colours = self.table(image.tones.colours)?;
         let (minus, minus_channel) = image.minus.unwrap_or((image.held, image.channel));
         let pitch = canvas.size.0.next_multiple_of(PITCH);
+        let (corner, threads) = image.pixels(canvas.size);
         let mut params = tones_params(image.tones);
         params.extend(format_params("format", image.channel));
         params.extend(format_params("minus", minus_channel));
         params.extend([
             ("size", Value::from([canvas.size.0, canvas.size.1])),
             ("pitch", pitch.into()),
+            ("corner", corner.into()),
             ("first", (image.part.row * image.held.stride).into()),
             ("stride", image.held.stride.into()),
             ("minus_first", (image.part.row * minus.stride).into()),
@@ -209,7 +226,9 @@ impl Gpu {
             params: &params,
         };
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        self.encode_compute(&mut encoder, &tool, [canvas.size.0, canvas.size.1])?;
+        // where there is no element, nothing is painted
+        encoder.clear_buffer(&canvas.pixels, 0, None);
+        self.encode_compute(&mut encoder, &tool, threads)?;
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * pitch), rows_per_image: None };
         let painted = wgpu::TexelCopyBufferInfo { buffer: &canvas.pixels, layout };
         encoder.copy_buffer_to_texture(painted, canvas.texture.as_image_copy(), canvas.texture.size());
@@ -304,20 +323,24 @@ impl Gpu {
             ("size", [size.0, size.1].into()),
             ("cell_m", lattice.map_or([1.0; 2], |lattice| lattice.cell_m).into()),
             ("values", [values_size.0, values_size.1].into()),
-            ("value_from", from.into()),
             ("components", points.about.elem.components().into()),
-            ("kind", kind.into()),
-            ("is_filled", u32::from(mesh.is_filled).into()),
             ("lift", mesh.lift.into()),
-            ("is_sheer", u32::from(mesh.is_sheer).into()),
             ("colour", if let Colouring::One(colour) = mesh.colouring { colour } else { 0 }.into()),
         ]);
+        let constants = [
+            ("MESH", f64::from(kind)),
+            ("VALUE_FROM", f64::from(from)),
+            ("IS_FILLED", f64::from(mesh.is_filled)),
+            ("IS_SHEER", f64::from(mesh.is_sheer)),
+        ]
+        .into_iter()
+        .chain(constants(channel, None, mesh.tones.scaled.scale));
         let topology = if mesh.is_filled { Topology::Triangles } else { Topology::Lines };
         let tool = Tool {
             kernel: "looks/mesh.wgsl",
             entry: "draw",
             draw: Some(DrawKey { fragment: "paint".into(), topology, target: FORMAT, has_depth: true }),
-            constants: &constants(channel, None, mesh.tones.scaled.scale),
+            constants: &constants.collect::<Vec<_>>(),
             buffers: &[
                 ("points", &points.buffer),
                 ("places", places.map_or(&nothing, |held| &held.buffer)),
@@ -429,8 +452,7 @@ pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Vec<u8>, GpuEr
     let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
     let target = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
     encoder.copy_texture_to_buffer(texture.as_image_copy(), target, texture.size());
-    gpu.queue.submit([encoder.finish()]);
-    let bytes = readback::map(gpu, &staging)?;
+    let bytes = readback::map(gpu, &staging, &gpu.queue.submit([encoder.finish()]))?;
     let rows = bytes.chunks_exact(row as usize).take(height as usize);
     Ok(rows.flat_map(|bytes| &bytes[..4 * width as usize]).copied().collect())
 }

@@ -119,7 +119,6 @@ impl Parameters {
         }
         self.first_packed = Some(frame);
         // before the frame, and not with it
-        gpu.queue.submit([]);
         gpu.wait()?;
         Ok(Slot(0))
     }

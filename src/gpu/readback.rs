@@ -34,8 +34,7 @@ impl Executor {
             }
             _ => return Err(GpuError::Plan(format!("the buffer `{}` is read and has no memory", buffer.name))),
         };
-        gpu.queue.submit([encoder.finish()]);
-        let mut bytes = map(gpu, &staging)?;
+        let mut bytes = map(gpu, &staging, &gpu.queue.submit([encoder.finish()]))?;
         if let Some(Place::Target { texture, .. }) = place {
             let row = texture.width() as usize * buffer.elem.bytes() as usize;
             let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT as usize);
@@ -47,11 +46,11 @@ impl Executor {
     }
 }
 
-/// The contents of a buffer that was copied to.
-pub fn map(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>, GpuError> {
+/// The contents of a buffer that a submission has copied to.
+pub fn map(gpu: &Gpu, buffer: &wgpu::Buffer, submission: &wgpu::SubmissionIndex) -> Result<Vec<u8>, GpuError> {
     // what map_async says is said again by get_mapped_range
     buffer.map_async(wgpu::MapMode::Read, .., |_| {});
-    gpu.wait()?;
+    gpu.wait_for(submission)?;
     let bytes = buffer.get_mapped_range(..).map_err(|error| GpuError::Lost(error.to_string()))?.to_vec();
     buffer.unmap();
     Ok(bytes)

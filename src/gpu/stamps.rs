@@ -49,8 +49,14 @@ impl Stamps {
 
     /// From the first step's beginning to the last step's end, and each step, in milliseconds. Stamps that run backwards, or that claim
     /// more time than passed on the clock, are worth nothing.
-    pub fn read(&self, gpu: &Gpu, steps: &[usize], wall_ms: f64) -> Result<(Option<f64>, Vec<Option<f64>>), GpuError> {
-        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&readback::map(gpu, &self.readable)?);
+    pub fn read(
+        &self,
+        gpu: &Gpu,
+        submission: &wgpu::SubmissionIndex,
+        steps: &[usize],
+        wall_ms: f64,
+    ) -> Result<(Option<f64>, Vec<Option<f64>>), GpuError> {
+        let ticks: Vec<u64> = bytemuck::pod_collect_to_vec(&readback::map(gpu, &self.readable, submission)?);
         let tick_ms = f64::from(gpu.queue.get_timestamp_period()) / 1e6;
         let between = |from: u64, to: u64| {
             let ms = to.checked_sub(from)? as f64 * tick_ms;

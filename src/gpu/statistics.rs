@@ -134,8 +134,8 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.encode_compute(&mut encoder, &tool, [threads(*part), 1])?;
         encoder.copy_buffer_to_buffer(&found, 0, &staging, 0, 4 * words as u64);
-        self.queue.submit([encoder.finish()]);
-        let mut read: Vec<u32> = bytemuck::pod_collect_to_vec(&readback::map(self, &staging)?);
+        let copied = self.queue.submit([encoder.finish()]);
+        let mut read: Vec<u32> = bytemuck::pod_collect_to_vec(&readback::map(self, &staging, &copied)?);
         read.truncate(words);
         Ok(read)
     }

@@ -115,7 +115,6 @@ impl Executor {
             if let Work::Upload(id) = self.plan.steps[step].work {
                 self.upload(id)?;
             }
-            self.gpu.queue.submit([]);
             self.gpu.wait()?;
             times.push(StepTime { step, ms: Some(start.elapsed().as_secs_f64() * 1e3) });
         }
@@ -135,22 +134,21 @@ impl Executor {
         if self.take_reset() {
             let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             self.encode_reset(&mut encoder);
-            self.gpu.queue.submit([encoder.finish()]);
-            self.gpu.wait()?;
+            self.gpu.wait_for(&self.gpu.queue.submit([encoder.finish()]))?;
         }
         let start = Instant::now();
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.encode_steps(&mut encoder, steps)?;
-        self.gpu.watched(
+        let submission = self.gpu.watched(
             || self.name_of(steps),
             || {
-                self.gpu.queue.submit([encoder.finish()]);
-                self.gpu.wait()
+                let submission = self.gpu.queue.submit([encoder.finish()]);
+                self.gpu.wait_for(&submission).map(|()| submission)
             },
         )?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         let (gpu_ms, each) = match &self.stamps {
-            Some(stamps) => stamps.read(&self.gpu, steps, wall_ms)?,
+            Some(stamps) => stamps.read(&self.gpu, &submission, steps, wall_ms)?,
             None => (None, vec![None; steps.len()]),
         };
         let steps = steps.iter().zip(each).map(|(&step, ms)| StepTime { step, ms }).collect();

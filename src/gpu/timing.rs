@@ -35,8 +35,7 @@ pub fn empty_submission_ms(gpu: &Gpu) -> Result<f64, GpuError> {
     for _ in 0..9 {
         let start = Instant::now();
         let encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        gpu.queue.submit([encoder.finish()]);
-        gpu.wait()?;
+        gpu.wait_for(&gpu.queue.submit([encoder.finish()]))?;
         samples.push(start.elapsed().as_secs_f64() * 1e3);
     }
     samples.sort_by(f64::total_cmp);
@@ -111,8 +110,7 @@ fn measure(gpu: &Gpu, turns: f64) -> Result<(f64, Vec<f64>), GpuError> {
         }
         encoder.resolve_query_set(&queries, 0..2 * PASSES, &resolved, 0);
         encoder.copy_buffer_to_buffer(&resolved, 0, &readable, 0, bytes);
-        gpu.queue.submit([encoder.finish()]);
-        gpu.wait()?;
+        gpu.wait_for(&gpu.queue.submit([encoder.finish()]))?;
         clock_ms = start.elapsed().as_secs_f64() * 1e3;
     }
     readable.map_async(wgpu::MapMode::Read, .., |_| {});

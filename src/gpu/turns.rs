@@ -28,13 +28,13 @@ pub fn most_turns(gpu: &Gpu) -> Result<Option<u32>, GpuError> {
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
     let state = make_buffer(gpu, "state of a loop", 4, usage)?;
     let staging = make_buffer(gpu, "state of a loop", 4, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST)?;
-    gpu.scoped("the kernel that counts turns", || {
+    let copied = gpu.scoped("the kernel that counts turns", || {
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encode(gpu, &mut encoder, &state);
         encoder.copy_buffer_to_buffer(&state, 0, &staging, 0, 4);
-        gpu.queue.submit([encoder.finish()]);
+        gpu.queue.submit([encoder.finish()])
     })?;
-    let found: Vec<u32> = bytemuck::pod_collect_to_vec(&readback::map(gpu, &staging)?[..4]);
+    let found: Vec<u32> = bytemuck::pod_collect_to_vec(&readback::map(gpu, &staging, &copied)?[..4]);
     let mut own = 0u32;
     let taken = (0..WANTED).find(|_| {
         let is_it = found[0] == own;

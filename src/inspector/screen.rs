@@ -32,10 +32,14 @@ impl Picture {
 impl egui_wgpu::CallbackTrait for Picture {
     fn paint(
         &self,
-        _info: egui::PaintCallbackInfo,
+        info: egui::PaintCallbackInfo,
         pass: &mut wgpu::RenderPass<'static>,
         _resources: &egui_wgpu::CallbackResources,
     ) {
+        // egui's own viewport ends with the window, and all of the picture would be squeezed into what is left
+        let scale = info.pixels_per_point;
+        let (low, size) = ((info.viewport.min * scale).round(), (info.viewport.size() * scale).round());
+        pass.set_viewport(low.x, low.y, size.x, size.y, 0.0, 1.0);
         self.0.draw(pass);
     }
 }
