@@ -487,7 +487,7 @@ fn a_picture_in_the_window_is_the_buffer() {
     let mut window = Window::open(&path);
     window.act(Action::Truth(true));
     let id = window.see(Of::Buffer("colour".into()));
-    for mode in [Mode::Second, Mode::Wipe] {
+    for mode in [Mode::Second, Mode::Wipe, Mode::Beside] {
         for view in window.harness.state_mut().views_mut().into_iter().filter(|own| own.id == id) {
             (view.against, view.mode, view.wipe) = (Against::Truth, mode, 0.5);
         }
@@ -505,6 +505,7 @@ fn a_picture_in_the_window_is_the_buffer() {
             let seen = &pixels[4 * (point.y as usize * 1400 + point.x as usize)..][..3];
             // the line itself is over the middle
             let of = match mode {
+                Mode::Beside => &own,
                 Mode::Wipe if x < 31 => &own,
                 Mode::Wipe if x < 33 => continue,
                 _ => &truth,

@@ -187,11 +187,12 @@ impl Gpu {
 
     /// Waits for a submission, and for those before it.
     pub fn wait_for(&self, submission: &wgpu::SubmissionIndex) -> Result<(), GpuError> {
-        // (a wait that may time out fails where another thread polls as well: wgpu-core 30 takes what it has not seen end for a mistake)
+        // (with a timeout it can panic: wgpu-core 30 asserts that no other thread has emptied the queue since)
         let waits = wgpu::PollType::Wait { submission_index: Some(submission.clone()), timeout: None };
         let waited = self.device.poll(waits);
-        waited.map_err(|error| GpuError::Lost(error.to_string()))?;
-        self.check()
+        // of a submission that was refused there is nothing to wait for, and the reason has been told already
+        self.check()?;
+        waited.map(|_| ()).map_err(|error| GpuError::Lost(error.to_string()))
     }
 
     /// The first error that came in outside of any scope.

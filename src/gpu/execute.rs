@@ -55,6 +55,8 @@ pub struct Executor {
     done: BTreeSet<usize>,
     /// Somebody has put other contents into a buffer than its steps make.
     pub(super) is_altered: bool,
+    /// Something that was submitted is done, and so is what was before it.
+    pub(super) has_run: bool,
     /// Time it took to make buffers and pipelines.
     pub prepare_ms: f64,
 }
@@ -87,7 +89,7 @@ impl Executor {
     }
 
     /// The same while the device still works on something else; nothing is known of how long it took. What the executor before it has of
-    /// the scene, and has made of that once and for all, is not made again.
+    /// the scene, and has made of that once and for all, is not made again; it shares that memory, and has to be done with its own frames.
     pub fn without_waiting(
         gpu: &Arc<Gpu>,
         plan: &Arc<Plan>,
@@ -120,7 +122,20 @@ impl Executor {
         };
         let prepare_ms = f64::NAN;
         let (gpu, plan, data) = (gpu.clone(), plan.clone(), data.clone());
-        Ok(Self { gpu, plan, data, memory, prepared, stamps, parameters, now, done, is_altered: false, prepare_ms })
+        Ok(Self {
+            gpu,
+            plan,
+            data,
+            memory,
+            prepared,
+            stamps,
+            parameters,
+            now,
+            done,
+            is_altered: false,
+            has_run: false,
+            prepare_ms,
+        })
     }
 
     pub fn plan(&self) -> &Arc<Plan> {
@@ -129,6 +144,11 @@ impl Executor {
 
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
+    }
+
+    /// Somebody has put other contents into a buffer than its steps make.
+    pub fn is_altered(&self) -> bool {
+        self.is_altered
     }
 
     pub fn believes_stamps(&self) -> bool {
@@ -140,7 +160,8 @@ impl Executor {
         self.begin_of_path(frame, true)
     }
 
-    /// The same for a frame that nobody times: nothing is packed ahead for those after it, and nothing is waited for.
+    /// The same for a frame that nobody times: nothing is packed ahead for those after it, and nothing is waited for. Of such frames, three can
+    /// be encoded before the first has to be submitted.
     pub fn begin_single_path_frame(&mut self, frame: usize) -> Result<(), GpuError> {
         self.begin_of_path(frame, false)
     }
@@ -224,7 +245,7 @@ impl Executor {
 
     /// What is here of what another plan wants, and its steps that are done with it.
     fn known_for(&self, plan: &Plan, data: &SceneData) -> (BTreeMap<BufferId, Place>, BTreeSet<usize>) {
-        if self.is_altered {
+        if self.is_altered || !self.has_run {
             return Default::default();
         }
         let Shared { buffers, mut steps } = once::shared((&self.plan, &self.data), (plan, data));

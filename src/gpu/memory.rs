@@ -49,7 +49,7 @@ impl Place {
         }
     }
 
-    /// Whether another plan can bind it as it does: only an input has more than one form.
+    /// Whether it has each form in which another plan binds it. Only an input has more than one.
     pub fn binds_as(&self, (is_array, is_image): (bool, bool)) -> bool {
         match self {
             Place::Input { array, image } => (array.is_some() || !is_array) && (image.is_some() || !is_image),

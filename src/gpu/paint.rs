@@ -29,15 +29,24 @@ pub struct Canvas {
     pixels: wgpu::Buffer,
 }
 
-/// A canvas that somebody draws among other things.
-pub struct Shown(Ready);
+/// A canvas that is drawn among other things.
+pub struct DrawnCanvas {
+    ready: Ready,
+    /// Pixels of a viewport's side at most.
+    most: f32,
+}
 
-impl Shown {
-    /// Fills the viewport of a pass that has no depth.
-    pub fn draw(&self, pass: &mut wgpu::RenderPass) {
-        let Pipeline::Render(pipeline) = &self.0.pipeline else { return };
+impl DrawnCanvas {
+    /// Fills a rectangle, from its top left corner, in a pass that has no depth. It may reach beyond what the pass draws on.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass, corner: [f32; 2], size: [f32; 2]) {
+        let is_seen = |side: f32| (1.0..=self.most).contains(&side);
+        let Pipeline::Render(pipeline) = &self.ready.pipeline else { return };
+        if !size.into_iter().all(is_seen) || corner.into_iter().any(|at| at.abs() > self.most / 2.0) {
+            return;
+        }
+        pass.set_viewport(corner[0], corner[1], size[0], size[1], 0.0, 1.0);
         pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &self.0.group, &[]);
+        pass.set_bind_group(0, &self.ready.group, &[]);
         pass.draw(0..3, 0..1);
     }
 }
@@ -170,7 +179,7 @@ impl Gpu {
     }
 
     /// A canvas ready to be drawn into a window whose pixels have this format.
-    pub fn shown(&self, canvas: &Canvas, format: wgpu::TextureFormat) -> Result<Shown, GpuError> {
+    pub fn drawn(&self, canvas: &Canvas, format: wgpu::TextureFormat) -> Result<DrawnCanvas, GpuError> {
         let tool = Tool {
             kernel: "looks/canvas.wgsl",
             entry: "cover",
@@ -185,7 +194,7 @@ impl Gpu {
             images: &[("canvas", &canvas.view)],
             params: &[],
         };
-        self.ready(&tool).map(Shown)
+        Ok(DrawnCanvas { ready: self.ready(&tool)?, most: self.limits.max_texture_dimension_2d as f32 })
     }
 
     /// Paints elements over the whole canvas.

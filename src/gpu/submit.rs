@@ -34,7 +34,7 @@ impl Executor {
         Ok(SubmissionTime { wall_ms, gpu_ms, steps: uploaded })
     }
 
-    /// The same, and nobody waits for it.
+    /// The same but for steps whose results were there before, and nobody waits for it.
     pub fn submit_setup(&self) -> Result<(), GpuError> {
         let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         self.encode_setup(&mut encoder)?;
@@ -147,6 +147,7 @@ impl Executor {
             },
         )?;
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        self.has_run = true;
         let (gpu_ms, each) = match &self.stamps {
             Some(stamps) => stamps.read(&self.gpu, &submission, steps, wall_ms)?,
             None => (None, vec![None; steps.len()]),

@@ -6,7 +6,7 @@ use eframe::egui_wgpu::{self, ScreenDescriptor};
 use egui::mutex::RwLock;
 
 use crate::experiment::diagnostic::Diagnostic;
-use crate::gpu::paint::{Canvas, Shown, read_texture};
+use crate::gpu::paint::{Canvas, DrawnCanvas, read_texture};
 use crate::gpu::{Gpu, GpuError};
 
 /// The renderer of a window, or of a picture without one.
@@ -20,7 +20,7 @@ pub struct Screen {
 /// A canvas among the shapes of a window, each of its pixels one of the screen's. (egui draws textures as well, by a kernel for all that
 /// there is in a window, which a CPU takes twenty times as long for.)
 #[derive(Clone)]
-pub struct Picture(Arc<Shown>);
+pub struct Picture(Arc<DrawnCanvas>);
 
 impl Picture {
     /// All of it in a rectangle of whole pixels.
@@ -37,10 +37,8 @@ impl egui_wgpu::CallbackTrait for Picture {
         _resources: &egui_wgpu::CallbackResources,
     ) {
         // egui's own viewport ends with the window, and all of the picture would be squeezed into what is left
-        let scale = info.pixels_per_point;
-        let (low, size) = ((info.viewport.min * scale).round(), (info.viewport.size() * scale).round());
-        pass.set_viewport(low.x, low.y, size.x, size.y, 0.0, 1.0);
-        self.0.draw(pass);
+        let [low, high] = [info.viewport.min, info.viewport.max].map(|corner| (corner * info.pixels_per_point).round());
+        self.0.draw(pass, low.into(), (high - low).into());
     }
 }
 
@@ -79,7 +77,15 @@ impl Screen {
 
     /// A canvas as what egui can draw.
     pub fn show(&self, canvas: &Canvas) -> Result<Picture, GpuError> {
-        self.gpu.shown(canvas, self.format).map(|shown| Picture(Arc::new(shown)))
+        self.gpu.drawn(canvas, self.format).map(|drawn| Picture(Arc::new(drawn)))
+    }
+
+    /// What a window is cleared to, as its pixels want it.
+    pub fn background(&self, visuals: &egui::Visuals) -> [f32; 4] {
+        match self.format.is_srgb() {
+            true => egui::Rgba::from(visuals.panel_fill).to_array(),
+            false => visuals.panel_fill.to_normalized_gamma_f32(),
+        }
     }
 
     /// Takes in textures that egui has made or dropped.
@@ -99,7 +105,7 @@ impl Screen {
     pub fn target(&self, context: &egui::Context) -> wgpu::Texture {
         let size = (context.content_rect().size() * context.pixels_per_point()).round();
         self.gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("screenshot"),
+            label: Some("window"),
             size: wgpu::Extent3d { width: size.x as u32, height: size.y as u32, depth_or_array_layers: 1 },
             mip_level_count: 1,
             sample_count: 1,
@@ -119,12 +125,11 @@ impl Screen {
         let shapes = context.tessellate(output.shapes, scale);
         let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let before = renderer.update_buffers(&gpu.device, &gpu.queue, &mut encoder, &shapes, &screen);
-        let background = context.global_style().visuals.panel_fill.to_normalized_gamma_f32();
-        let [r, g, b, a] = background.map(f64::from);
+        let [r, g, b, a] = self.background(&context.global_style().visuals).map(f64::from);
         let view = target.create_view(&wgpu::TextureViewDescriptor::default());
         {
             let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("screenshot"),
+                label: Some("window"),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                     view: &view,
                     resolve_target: None,

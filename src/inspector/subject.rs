@@ -15,8 +15,9 @@ use crate::frame::FrameInput;
 use crate::gpu::{Executor, Gpu, Held};
 use crate::kernel::{Elem, Packing};
 use crate::measure::{Measured, Seen, TruthFrame, screen_error};
+use crate::plan::once::is_repeatable;
 use crate::plan::product::Drawn;
-use crate::plan::{Buffer, BufferId, Capacities, Plan, Spread, step_names};
+use crate::plan::{Buffer, BufferId, Capacities, Often, Plan, Spread, step_names};
 use crate::reference::{self, Values};
 use crate::run::sight::companions;
 use crate::run::walk::{Walk, find_stages};
@@ -161,7 +162,8 @@ impl Subject {
         buffers.extend(wish.buffers.iter().filter_map(|name| Some((name.clone(), plan.find(name).ok()?))));
         let plan = Arc::new(plan);
         self.gpu.check_plan(&plan)?;
-        let before = self.made.as_ref().map(|made| &made.executor);
+        // what the CPU puts in the place of results must not come into what is shown until then
+        let before = self.made.as_ref().map(|made| &made.executor).filter(|_| wish.on_cpu.is_empty());
         let executor = Executor::without_waiting(&self.gpu, &plan, &viewed.data, before)?;
         executor.submit_setup()?;
         Ok(Made {
@@ -232,31 +234,20 @@ impl Subject {
         shown.notes = notes;
         // times come last: where there is history, timing changes it
         if wish.times {
-            self.time(&mut shown, wish)?;
+            self.time(&mut shown, wish, work)?;
         }
         Ok(Arc::new(shown))
     }
 
-    fn time(&mut self, shown: &mut Shown, wish: &Wish) -> Result<(), Diagnostic> {
+    fn time(&mut self, shown: &mut Shown, wish: &Wish, work: &Work) -> Result<(), Diagnostic> {
         let Some(made) = &mut self.made else { return Ok(()) };
         let Moment::Frame(frame) = wish.moment else { return Ok(()) };
         // with history, another run of the frame would change what is shown
         if made.step_ms.is_empty() && !made.plan.remembers() {
-            let start = Instant::now();
-            for _ in 0..MOST_TIMED {
-                let once = made.executor.setup_by_steps()?;
-                let times = made.executor.frame_by_steps(frame)?;
-                for time in once.steps.into_iter().chain(times.steps) {
-                    let least = made.step_ms.get(&time.step).copied();
-                    let ms = time.ms.map(|ms| least.map_or(ms, |least| least.min(ms)));
-                    made.step_ms.extend(ms.map(|ms| (time.step, ms)));
-                }
-                if start.elapsed() > TIMED_FOR {
-                    break;
-                }
-            }
+            let times = made.timed(frame, work);
             // timed frames leave taps out, and have written over what shares their memory
             made.executor.frame(frame)?;
+            made.step_ms = times?;
         }
         shown.step_ms = made.step_ms.clone();
         Ok(())
@@ -342,7 +333,7 @@ impl Made {
             && own.buffers == wish.buffers
             && own.kernels == wish.kernels
             && is_live(&own.moment) == is_live(&wish.moment)
-            && (own.on_cpu == wish.on_cpu || self.walk.is_none())
+            && (own.on_cpu == wish.on_cpu || !self.executor.is_altered())
     }
 
     fn camera(&self, moment: &Moment) -> Result<Camera, Diagnostic> {
@@ -354,6 +345,26 @@ impl Made {
                 Ok(cameras[frame.min(last)])
             }
         }
+    }
+
+    /// The least time of each step, of a few.
+    fn timed(&mut self, frame: usize, work: &Work) -> Result<BTreeMap<usize, f64>, Diagnostic> {
+        let mut least: BTreeMap<usize, f64> = BTreeMap::new();
+        let start = Instant::now();
+        for _ in 0..MOST_TIMED {
+            let mut times = self.executor.frame_by_steps(frame)?.steps;
+            // what runs once and adds to what is there would add to what is shown
+            if self.plan.steps.iter().filter(|step| step.often == Often::Once).all(is_repeatable) {
+                times.extend(self.executor.setup_by_steps()?.steps);
+            }
+            for (step, ms) in times.into_iter().filter_map(|time| Some((time.step, time.ms?))) {
+                least.entry(step).and_modify(|least| *least = least.min(ms)).or_insert(ms);
+            }
+            if start.elapsed() > TIMED_FOR || work.goes_on().is_err() {
+                break;
+            }
+        }
+        Ok(least)
     }
 
     /// Runs the frame of a wish, and with history those before it.

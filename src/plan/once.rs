@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::fingerprint::Digest;
-use super::{BufferId, Often, Plan, Step, Work};
+use super::{BufferId, Often, Plan, Run, Step, Work};
 use crate::frame::FrameInput;
+use crate::kernel::BindingKind;
 use crate::scene::SceneData;
 
 /// Results of an old plan that do for a new one.
@@ -19,14 +20,16 @@ pub struct Shared {
 /// How a buffer came to what it holds: a hash of the steps that wrote to it, and of all that went into them.
 type Recipe = [u8; 32];
 
-/// Finds what two plans have in common of what runs once: inputs of the scene, and what steps make of them. Frames only read it.
+/// Finds what two plans have in common of what runs once: inputs of the scene, and what steps make of them. No step of every frame writes
+/// any of it.
 pub fn shared((old, old_data): (&Plan, &SceneData), (new, new_data): (&Plan, &SceneData)) -> Shared {
     let known = recipes(old, old_data);
-    let held: BTreeMap<Recipe, BufferId> = known.into_iter().map(|(id, recipe)| (recipe, id)).collect();
+    let mut held: BTreeMap<Recipe, BufferId> = known.into_iter().map(|(id, recipe)| (recipe, id)).collect();
     let wanted = recipes(new, new_data).into_iter();
+    // two buffers that hold the same still are two
     let mut buffers: BTreeMap<BufferId, BufferId> =
-        wanted.filter_map(|(id, recipe)| Some((id, *held.get(&recipe)?))).collect();
-    // a step that runs again must find what it reads as it was then, and leaves nothing that is there already as it is
+        wanted.filter_map(|(id, recipe)| Some((id, held.remove(&recipe)?))).collect();
+    // a step that runs again must find what it reads as it was then, and must not write into what is shared
     while let Some(id) = buffers.keys().copied().find(|id| is_disturbed(new, *id, &buffers)) {
         buffers.remove(&id);
     }
@@ -50,10 +53,24 @@ fn is_disturbed(plan: &Plan, id: BufferId, buffers: &BTreeMap<BufferId, BufferId
     })
 }
 
-/// The recipes of all buffers that only steps write that run once.
+/// Run again over what it has left, a step leaves the same. A kernel of one's own that reads what it writes may add to it.
+pub fn is_repeatable(step: &Step) -> bool {
+    let reads_back = |run: &Run| {
+        let bindings = run.kernel.entry(&run.entry).map_or(&[][..], |entry| &entry.bindings);
+        bindings.iter().any(|binding| matches!(binding.kind, BindingKind::Storage { read: true, written: true, .. }))
+    };
+    step.run().is_none_or(|run| run.kernel.trusted || !reads_back(run))
+}
+
+/// The recipes of all buffers that only steps write that run once, and of which it matters not how often they have run.
 fn recipes(plan: &Plan, data: &SceneData) -> BTreeMap<BufferId, Recipe> {
     let mut recipes: BTreeMap<BufferId, Recipe> = BTreeMap::new();
+    let mut unknown: BTreeSet<BufferId> = BTreeSet::new();
     for (_, step) in once(plan) {
+        if !is_repeatable(step) || step.reads.iter().chain(&step.writes).any(|id| unknown.contains(id)) {
+            unknown.extend(&step.writes);
+            continue;
+        }
         let mut digest = Digest::default();
         digest.step(plan, step);
         let touched = digest.buffers();
@@ -81,6 +98,6 @@ fn recipes(plan: &Plan, data: &SceneData) -> BTreeMap<BufferId, Recipe> {
             recipes.insert(*id, own.finish());
         }
     }
-    recipes.retain(|id, _| plan.buffer(*id).often == Often::Once && plan.lives(*id));
+    recipes.retain(|id, _| !unknown.contains(id) && plan.buffer(*id).often == Often::Once && plan.lives(*id));
     recipes
 }

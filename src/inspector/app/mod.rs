@@ -459,7 +459,7 @@ impl eframe::App for App {
     }
 
     fn clear_color(&self, visuals: &egui::Visuals) -> [f32; 4] {
-        visuals.panel_fill.to_normalized_gamma_f32()
+        self.desk.screen.background(visuals)
     }
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {

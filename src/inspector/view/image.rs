@@ -105,7 +105,7 @@ impl View {
         // what fits stays fitted when the window changes
         self.place = (place != all).then_some(place);
         let beside = found.second.is_some() && self.mode == Mode::Beside;
-        let looked = Looked { rect: if beside { halves(rect)[0] } else { rect }, place };
+        let looked = Looked { rect: if beside { halves(rect, ui.pixels_per_point())[0] } else { rect }, place };
         if let Err(error) = self.paint(desk, found, &looked, pixels, ui.pixels_per_point()) {
             self.live.trouble = Some(error.to_string());
             return;
@@ -127,7 +127,8 @@ impl View {
         }
         let painter = ui.painter_at(rect);
         self.print_values(ui, desk, found, &looked);
-        self.mark_pointed(&painter, desk, &looked);
+        let second = beside.then(|| halves(rect, ui.pixels_per_point())[1].min - looked.rect.min);
+        self.mark_pointed(&painter, desk, &looked, second);
         self.live.looked = Some(looked);
         self.legend(ui, desk, found);
     }
@@ -146,7 +147,7 @@ impl View {
         }
         let (origin, step) = looked.origin_and_step(pixels_per_point);
         let beside = found.second.is_some() && self.mode == Mode::Beside;
-        let pixels = if beside { (pixels.0.div_ceil(2), pixels.1) } else { pixels };
+        let pixels = if beside { (pixels.0 / 2, pixels.1) } else { pixels };
         let second = found.second.as_ref().map(|(held, channel)| (held, channel));
         let minus = second.filter(|_| self.is_difference(found));
         let what = |which: usize| {
@@ -193,7 +194,7 @@ impl View {
             (false, _) | (true, Mode::Difference) => put(0, rect, rect),
             (true, Mode::Second) => put(1, rect, rect),
             (true, Mode::Beside) => {
-                let [left, right] = halves(rect);
+                let [left, right] = halves(rect, ui.pixels_per_point());
                 put(0, left, left);
                 put(1, right, right);
                 painter.vline(right.min.x, rect.y_range(), (1.0, Color32::WHITE));
@@ -241,15 +242,13 @@ impl View {
         }
     }
 
-    /// The element that is at the place where somebody points in another view, and those that are pinned.
-    fn mark_pointed(&self, painter: &egui::Painter, desk: &Desk, looked: &Looked) {
+    /// The element that is at the place where somebody points in another view, and those that are pinned; beside each other, in both.
+    fn mark_pointed(&self, painter: &egui::Painter, desk: &Desk, looked: &Looked, second: Option<Vec2>) {
         let mark = |probed: &crate::inspector::probe::Probed, colour: Color32| {
             let Some(line) = probed.lines.iter().find(|line| line.view == self.id) else { return };
             let at = looked.point_of([f64::from(line.element.0) + 0.5, f64::from(line.element.1) + 0.5]);
             cross(painter, at, colour);
-            if self.mode == Mode::Beside && self.against != super::Against::Nothing {
-                cross(painter, at + Vec2::new(looked.rect.width(), 0.0), colour);
-            }
+            second.into_iter().for_each(|off| cross(painter, at + off, colour));
         };
         desk.pins.iter().for_each(|pin| mark(pin, Color32::YELLOW));
         if desk.pointer.is_some()
@@ -268,12 +267,11 @@ pub fn cross(painter: &egui::Painter, at: Pos2, colour: Color32) {
     }
 }
 
-fn halves(rect: Rect) -> [Rect; 2] {
-    let middle = rect.center().x;
-    [
-        Rect::from_min_max(rect.min, Pos2::new(middle, rect.max.y)),
-        Rect::from_min_max(Pos2::new(middle, rect.min.y), rect.max),
-    ]
+/// Left and right of a rectangle, as wide as each other and of whole pixels.
+fn halves(rect: Rect, pixels_per_point: f32) -> [Rect; 2] {
+    let width = (rect.width() * pixels_per_point / 2.0 + 0.01).floor() / pixels_per_point;
+    let size = Vec2::new(width, rect.height());
+    [Rect::from_min_size(rect.min, size), Rect::from_min_size(Pos2::new(rect.max.x - width, rect.min.y), size)]
 }
 
 /// What is printed or stands in a table is asked for by rows.
