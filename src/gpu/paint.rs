@@ -39,9 +39,11 @@ pub struct DrawnCanvas {
 impl DrawnCanvas {
     /// Fills a rectangle, from its top left corner, in a pass that has no depth. It may reach beyond what the pass draws on.
     pub fn draw(&self, pass: &mut wgpu::RenderPass, corner: [f32; 2], size: [f32; 2]) {
-        let is_seen = |side: f32| (1.0..=self.most).contains(&side);
+        // what the device takes for a viewport
+        let far = 2.0 * self.most;
+        let is_taken = |(at, side): (f32, f32)| (1.0..=self.most).contains(&side) && at >= -far && at + side < far;
         let Pipeline::Render(pipeline) = &self.ready.pipeline else { return };
-        if !size.into_iter().all(is_seen) || corner.into_iter().any(|at| at.abs() > self.most / 2.0) {
+        if !corner.into_iter().zip(size).all(is_taken) {
             return;
         }
         pass.set_viewport(corner[0], corner[1], size[0], size[1], 0.0, 1.0);
