@@ -17,8 +17,8 @@ pub struct Screen {
     format: wgpu::TextureFormat,
 }
 
-/// A canvas among the shapes of a window, each of its pixels one of the screen's. (egui draws textures as well, by a kernel for all that
-/// there is in a window, which a CPU takes twenty times as long for.)
+/// A canvas among the shapes of a window, each of its pixels one of the screen's. (egui draws textures as well, by one kernel for all that
+/// there is in a window, for which a CPU takes ten times as long.)
 #[derive(Clone)]
 pub struct Picture(Arc<DrawnCanvas>);
 
